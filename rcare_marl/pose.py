@@ -173,3 +173,15 @@ def rotation_vector(q: Vector) -> Array:
 def turn_to(wanted: Vector, now: Vector) -> Array:
     """Return the turn from one orientation to a wanted one, quaternions, in the world [rad], shape [3]."""
     return rotation_vector(multiply(wanted, conjugate(now)))
+
+
+def turned_and_raised(way: Array, rest: Array) -> tuple[float, float]:
+    """Return how far a way is to the left of another, seen from above, and how far above it [rad].
+
+    Args:
+        way: A unit vector, shape [3].
+        rest: Another.
+    """
+    turned = math.atan2(rest[0] * way[1] - rest[1] * way[0], rest[0] * way[0] + rest[1] * way[1])
+    up, up_at_rest = np.arcsin(np.clip((way[2], rest[2]), -1.0, 1.0))
+    return turned, float(up - up_at_rest)

@@ -13,7 +13,7 @@ import numpy as np
 from rcare_marl.agents.people.behaviour.behaviour_tree import BehaviourTree, eat_when_fed
 from rcare_marl.agents.robots.kinematics import IkResult
 from rcare_marl.errors import ConfigError
-from rcare_marl.pose import Array, Pose, quaternion_from_matrix, turn_to
+from rcare_marl.pose import Array, Pose, quaternion_from_matrix, turn_to, turned_and_raised
 from rcare_marl.world import World
 
 from ..broadcast import clip, norm, where
@@ -40,6 +40,10 @@ BACK = 0.42
 # [rad] by which the brush comes in from the other side, and by which it points up to either row of teeth: the
 # same however far the jaw is open, for a turn about the bristles does not matter to them.
 YAW, PITCH, LOWER = math.radians(10), math.radians(12), math.radians(9)
+# Who looks aside or up at the brush would have it come from where no arm reaches: it comes no farther from
+# the side than this of a face at rest, but by the least from the other side, as it must between the lips
+# [rad]. What is over comes from below instead, to the lower teeth this share of it: their lip is in the way.
+ASIDE, LEAST, FROM_BELOW_LIP = math.radians(14), math.radians(4), 0.4
 START_GAP = (0.13, 0.19)  # [m] from the lips to the tip at the start
 START_SPREAD = (0.04, 0.03)  # [m] across and up, uniform each way
 HEAD_TURN, HEAD_TILT = math.radians(12), math.radians(6)  # uniform, each way
@@ -159,10 +163,10 @@ class ToothBrushing(Meal):
         aside = (1.0, -1.0)[side]
         frame = self.inside.frame(row)
         node, outward = self.inside.arches[row].beside(aside, BACK)
-        turn = aside * YAW
-        rise = (
-            LOWER if row else PITCH + pitch
-        )  # the lower less: from below the lower lip is in the way
+        turned, raised = turned_and_raised(self.inside.frame(0)[:3, 2], self.face_at_rest)
+        turn = aside * float(np.clip(ASIDE + aside * turned, LEAST, YAW))
+        over = max(raised, 0.0) + max(abs(turned - turn) - ASIDE, 0.0)
+        rise = LOWER + FROM_BELOW_LIP * over if row else PITCH + pitch + over
         into = np.array(
             (math.sin(turn) * math.cos(rise), math.sin(rise), -math.cos(turn) * math.cos(rise))
         )

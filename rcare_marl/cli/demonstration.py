@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from contextlib import closing
 from pathlib import Path
 from typing import Any
@@ -17,7 +17,7 @@ from rcare_marl.atomic_file import draft
 from rcare_marl.baselines.evaluation import evaluate as baseline
 from rcare_marl.baselines.evaluation.episode_figure import Recorder, draw
 from rcare_marl.baselines.trained import best_policy
-from rcare_marl.console import console, progress, table
+from rcare_marl.console import console, print_line, progress, table
 from rcare_marl.envs import make
 from rcare_marl.envs.care_env import CareEnv
 from rcare_marl.envs.scenes.meal import MOUTH_RADIUS
@@ -61,9 +61,10 @@ def run(
                 "time_limit_s": env.task.time_limit,
                 "agents": {role: agent.describe() for role, agent in env.cast.items()},
             }
-        if video:
-            _film_meal(folder.path / VIDEO, seed, cast)
         result = baseline.Evaluation(TASK, names, models, {}, seed, tuple(done))
+        who = f"{models['robot']} ({chosen}) feeds {models['recipient']}"
+        title = f"Feeding: {who}, {len(done)} episodes"
+        _show(result, title)
         record = {
             "config": config,
             "summary": result.to_dict(),
@@ -73,8 +74,11 @@ def run(
             ],
         }
         (folder.path / RECORD).write_text(json.dumps(record, allow_nan=False) + "\n", "utf-8")
-        who = f"{models['robot']} ({chosen}) feeds {models['recipient']}"
-        title = f"Feeding: {who}, {len(done)} episodes"
+        if video:
+            print_line(
+                "filming a meal; this takes minutes without a graphics card (not with --no-video)"
+            )
+            _film_meal(folder.path / VIDEO, seed, cast)
         draw(
             folder.path / PLOT,
             done,
@@ -84,7 +88,8 @@ def run(
             force_limit=FORCE_LIMIT,
         )
         where = folder.publish()
-    _show(result, title, [where / name for name in (VIDEO, PLOT, RECORD)][0 if video else 1 :])
+    for name in (VIDEO, PLOT, RECORD)[0 if video else 1 :]:
+        console().print(Text(str(where / name)), soft_wrap=True)
 
 
 def _run_episodes(
@@ -148,7 +153,7 @@ def _film(film: Film, env: CareEnv) -> None:
         film.add(task.view(), left, right)
 
 
-def _show(result: baseline.Evaluation, title: str, files: Sequence[Path]) -> None:
+def _show(result: baseline.Evaluation, title: str) -> None:
     columns = ("episode", "seed", "success", "time to mouth", "peak force", "food spilled")
     rows = []
     for number, episode in enumerate(result.episodes, 1):
@@ -176,10 +181,7 @@ def _show(result: baseline.Evaluation, title: str, files: Sequence[Path]) -> Non
         f"{numbers['spilled']:.0f}",
         style="bold",
     )
-    screen = console()
-    screen.print(out)
-    for file in files:
-        screen.print(Text(str(file)), soft_wrap=True)
+    console().print(out)
 
 
 def seconds(value: float | None) -> str:
