@@ -47,6 +47,15 @@ def test_who_is_bent_looks_at_the_brush_and_not_under_it() -> None:
     env.close()
 
 
+# Looked aside and up at the brush, so that the arm did not reach the far side; 404 to the other side.
+@pytest.mark.parametrize("who", [401, pytest.param(430, marks=pytest.mark.slow), 404])
+def test_the_far_side_is_reached_of_who_looks_aside_and_up(who: int) -> None:
+    env = made(f"population:train:{who}")
+    play(env, 71000 + who - 400)
+    assert env.task.succeeded() and env.task.state.peak_force < 5.0
+    env.close()
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("who", [53, 54, 55])  # heavy, heavy, bent: legs and trunk were in the way
 def test_who_is_heavy_or_bent_has_all_teeth_brushed(who: int) -> None:

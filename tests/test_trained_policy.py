@@ -16,6 +16,7 @@ from rcare_marl.baselines.policy_file import PolicyFile
 FILES = sorted(trained.FOLDER.glob("*.npz"))
 SLOW = {
     "dressing",
+    "dressing_everybody",
     "ambulating_level1",
     "ambulating_level2",
     "drinking_everybody",
