@@ -254,7 +254,7 @@ def test_interrupted_demo_leaves_nothing(
 
     monkeypatch.setattr(place, name, interrupted)
     result = call("demo", "--episodes", "2", video, code=130)
-    assert ("Feeding: " in result.stdout) is (video == "--video")  # what was fed is told before it is filmed
+    assert ("Feeding: " in result.stdout) is (video == "--video")  # told before it is filmed
     assert result.stderr.endswith("interrupted\n")
     assert list(tmp_path.iterdir()) == []
 
