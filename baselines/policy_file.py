@@ -201,7 +201,8 @@ class PolicyFile:
         """
         own = [name for name, _ in self.observed if name not in (MEMORY, BASE_ACTION)]
         config = load(ViewConfig, self.view or {"parts": own}, "the policy's view")
-        return View(config, [(name, at) for at, name, _ in env.describe(role)])
+        table = [(name, at) for at, name, _ in env.describe(role)]
+        return View(config, table, env.cast[role].action_names)
 
     def _differences(self, env: CareEnv, role: str) -> list[str]:
         """Return what is observed otherwise than it was learned, as texts; empty if it fits."""
@@ -265,7 +266,7 @@ class LearnedPolicy:
         self._lasts -= 1
         if base is None:
             self._memory = kept(self._own[self._size :], self._flags).astype(np.float32)
-            return self._own[: self._size].astype(np.float64)
+            return self._view.turned_back(self._own[: self._size]).astype(np.float64)
         # As in `envs.learning.LearnerEnv`, to the last bit.
         return np.clip(base + self._residual * self._own, self._low, 1.0)
 

@@ -19,7 +19,7 @@ import rcare_marl
 from rcare_marl.agents.people.avatar import load_avatar, load_posture
 from rcare_marl.agents.people.human import Human
 from rcare_marl.agents.robots.robot import Robot
-from rcare_marl.baselines.benchmark import engine_episodes, parity
+from rcare_marl.baselines.benchmark import batch, engine_episodes, parity
 from rcare_marl.cli import app
 from rcare_marl.engines import make_world
 from rcare_marl.engines.mujoco_world import MujocoWorld
@@ -473,6 +473,16 @@ def test_bench_batch_tells_both_speeds_and_the_ratio() -> None:
     assert found["ratio"] == pytest.approx(both)
     assert CliRunner().invoke(app, ["bench", "batch", "--device", "tpu"]).exit_code != 0
     assert CliRunner().invoke(app, ["bench", "homes", "feeding"]).exit_code == 2
+
+
+def test_bench_batch_over_processes_tells_what_the_machine_allows_a_loop(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(batch, "ENVS", 1)
+    found = batch.bench("toileting", steps=10, processes="2")
+    assert found["processes"] == 2
+    assert found["efficiency"] > 0 < found["loop_efficiency"]
+    assert found["met"].keys() == {"ratio", "efficiency"}
 
 
 def test_episodes_of_a_policy_are_compared_with_bounds() -> None:

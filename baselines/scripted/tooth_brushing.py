@@ -28,8 +28,10 @@ FAST, AWAY, SLOW = 0.15, 0.25, 0.06  # [m/s] before the face, off, within the mo
 # [m] from the lips for who just said no; beyond where it counts as taken away
 ASK, FURTHER = 0.20, 0.03
 # Of the face below where it was at rest, along z, from which its brush would come from the lap; [m] ahead of
-# the mouth and above it, where it leads a head that is so bowed
-BOWED, LEAD, ABOVE = 0.14, 0.16, 0.06
+# the mouth and above it, where it leads a head that is so bowed: eyes follow what is beyond 15 cm
+BOWED, LEAD, ABOVE = 0.14, 0.19, 0.07
+# [m] past where it waits: a brush that is not between the lips there has missed them
+MISSED = 0.045
 # [m] beside its way to the teeth, farther than which a brush in the mouth is at others
 BESIDE = 0.04
 NEAR = 0.006  # [m] beyond a stroke from its place at the teeth along the brush, where it presses and strokes
@@ -71,14 +73,14 @@ class ScriptedToothBrushing(ToolScript[ToothBrushing]):
         goes_in = goes_on and seen.jaw >= OPEN_MOUTH and len(left) > 0
         before = place + CLEAR * outward - BEFORE * into - seen.bristles
         turn = TURN_GAIN * seen.to_turn
-        is_bowed = task.face_at_rest[2] - seen.face[2] > BOWED
-        if goes_on and is_bowed and not seen.is_inside:  # eyes and head follow the brush up
+        is_deep = seen.is_inside or float(before @ into) < -MISSED  # in the mouth, or beside it
+        if goes_on and seen.bowed > BOWED and not is_deep:  # eyes and head follow the brush up
             ahead = unit(seen.face * (1.0, 1.0, 0.0))
             before = seen.mouth + LEAD * ahead + (0.0, 0.0, ABOVE) - seen.bristles
             return self._about(seen.bristles, limited(GAIN * before, FAST), 0.0 * turn)
         if goes_in and self._may_go_in(before, into):
             return self._about(seen.bristles, self._brush(place, outward, into), turn)
-        if seen.is_inside:  # straight out, going along with a head that turns, and yielding
+        if is_deep:  # straight out, going along with a head that turns, and yielding
             linear = limited(moved / task.control_dt, FOLLOW) + limited(GIVE * seen.push, AWAY)
             return self._about(seen.bristles, linear - AWAY * seen.axis, 0.0 * turn)
         if not goes_on:
@@ -106,6 +108,8 @@ class ScriptedToothBrushing(ToolScript[ToothBrushing]):
         ahead = float(before @ into)  # to where it waits; negative beyond it
         beside = float(np.linalg.norm(before - ahead * into))
         if np.linalg.norm(seen.to_turn) > LEVEL or ahead > REACHED:
+            return False
+        if ahead < -MISSED and not seen.is_inside:
             return False
         if seen.press > LEANT and not self._is_at_teeth():  # on a lip
             return False

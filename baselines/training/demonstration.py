@@ -70,7 +70,7 @@ def _episode(
         actions, meant = {}, {}
         for group, roles in env.groups.items():
             low = env.layout.action_lows[group]
-            each = np.stack([players[role].act() for role in roles])
+            each = np.stack([env.as_seen(role, players[role].act()) for role in roles])
             meant[group] = np.clip(each, low, 1.0).astype(np.float32)
             each = each + noise * rng.standard_normal(each.shape)
             actions[group] = np.clip(each, low, 1.0).astype(np.float32)

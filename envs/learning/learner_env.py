@@ -130,7 +130,7 @@ class LearnerEnv:
             config = self.recipe.view_of(role)
             if config is not None:
                 table = [(name, at) for at, name, _ in self.care_env.describe(role)]
-                out[role] = View(config, table)
+                out[role] = View(config, table, self.care_env.cast[role].action_names)
         return out
 
     def _lay_out(self) -> Layout:
@@ -232,7 +232,8 @@ class LearnerEnv:
         if scale is None:
             size = self.care_env.cast[role].action_size
             self._memories[role][:] = kept(action[size:], self._flags[role])
-            return action[:size]
+            view = self._views.get(role)
+            return action[:size] if view is None else view.turned_back(action[:size])
         whole = np.zeros(self.care_env.cast[role].action_size, np.float32)  # as actions are
         whole[self._moved[role]] = action
         return np.clip(self._base_actions[role] + scale * whole, low, 1.0)
@@ -245,19 +246,18 @@ class LearnerEnv:
     def _take(
         self, observations: Mapping[str, Floats], infos: Mapping[str, Mapping[str, float]]
     ) -> None:
+        read = {role: view.read(observations[role]) for role, view in self._views.items()}
         for role, base in self._bases.items():
             written = self._memories[role][: self._flags[role]]
             if written.any():  # not before anything was
                 remind(base, [bool(value > 0) for value in written])
-            shown = np.array(base.act())  # a copy: scripts may reuse theirs
+            shown = self.as_seen(role, np.array(base.act()))  # a copy: scripts may reuse theirs
             if self.recipe.taught:
                 shown = np.concatenate((shown, kept_by(base)))
             self._base_actions[role] = shown
         for group, roles in self.groups.items():
             for row, role in zip(self.observation[group], roles, strict=True):
-                seen = observations[role]
-                if role in self._views:
-                    seen = self._views[role].read(seen)
+                seen = read.get(role, observations[role])
                 parts: list[npt.NDArray[Any]] = [seen, self._memories[role]]
                 if role in self._bases:
                     parts.append(self._base_actions[role])
@@ -276,6 +276,11 @@ class LearnerEnv:
             parts.append(state[start : start + size] if view is None else view.now)
             start += size
         return np.concatenate(parts)
+
+    def as_seen(self, role: str, action: npt.NDArray[Any]) -> npt.NDArray[Any]:
+        """Return an action in the world as who sees through the role's view would choose it."""
+        view = self._views.get(role)
+        return action if view is None else view.turned(action)
 
     def demonstrators(self) -> dict[str, Policy]:
         """Return who shows each learner what to do: robots their script, people their default partner.

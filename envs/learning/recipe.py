@@ -148,7 +148,11 @@ class EnvRecipe:
         for role in self.views:
             if role not in learning:
                 raise ConfigError(f"views are for roles that learn, {learning}, got {role!r}")
-            self.view_of(role)
+            view = self.view_of(role)
+            if role in self.residual and view is not None and view.heading:
+                raise ConfigError(
+                    f"who corrects a script (residual) sees as it does: {role!r} can have no heading"
+                )
         for role in roles:
             if role not in learning:
                 for name in self.partner_names(role, variant):

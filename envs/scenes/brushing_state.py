@@ -19,6 +19,7 @@ class ToothBrushingState(State):
     axis: Array  # along the handle to the head, a unit vector, shape [3]
     mouth: Array  # between the lips [m], shape [3]
     face: Array  # where the face looks, a unit vector, shape [3]
+    bowed: float  # how far it looks below where it did at rest, along z of that vector
     jaw: float  # how far the jaw is open [rad]
     is_inside: bool  # whether the brush is in the mouth
     distance: float  # from bristles to lips [m]

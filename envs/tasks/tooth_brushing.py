@@ -47,13 +47,12 @@ ASIDE, LEAST, FROM_BELOW_LIP = math.radians(14), math.radians(4), 0.4
 START_GAP = (0.13, 0.19)  # [m] from the lips to the tip at the start
 START_SPREAD = (0.04, 0.03)  # [m] across and up, uniform each way
 HEAD_TURN, HEAD_TILT = math.radians(12), math.radians(6)  # uniform, each way
-BEFORE = 0.085  # [m] along the brush from its place at the teeth to where it waits before the mouth
-CLEAR = 0.006  # [m] from bristles to teeth as the brush comes in
+# [m] along the brush from the teeth to where it waits before the mouth; from bristles to teeth on its way in
+BEFORE, CLEAR = 0.085, 0.006
 # Tried in turn: how much more the brush comes from below to the upper teeth, and how it is rolled [rad].
 FROM_BELOW = (0.0, 0.15, 0.3)
 ROLLS = tuple(math.radians(a) for a in range(0, 360, 45))
-# [rad] by which a joint may go from one place to the next: more is another way to bend the arm. What an arm
-# near a singular posture costs beside [rad], over its manipulability.
+# [rad] by which a joint may go between places; what a singular posture costs, over its manipulability
 OTHER_WAY, SINGULAR = 2.2, 0.05
 MISS, MISS_TURN = 0.01, 0.1  # [m] of the way that may be missed, also per radian
 
@@ -141,7 +140,7 @@ class ToothBrushing(Meal):
         return cast(Hold, found.trial.hold)
 
     def _face_aside(self, turned: float) -> None:
-        """Turn the head of the recipient to the left [rad]."""
+        """Turn the recipient's head to the left [rad]."""
         dofs = [dof for dof in self._head_dofs if dof.endswith("rotation_left")]
         self.recipient.set_angles(dict.fromkeys(dofs, turned / max(len(dofs), 1)))
 
@@ -254,6 +253,7 @@ class ToothBrushing(Meal):
             axis=pose.matrix()[:3, 2],
             mouth=mouth,
             face=face,
+            bowed=float(self.face_at_rest[2] - face[2]),
             jaw=self.recipient.angle("jaw_opening"),
             is_inside=self.inside.is_inside,
             distance=math.sqrt(float(way @ way)),
@@ -287,6 +287,7 @@ class ToothBrushing(Meal):
             Seen("teeth_along", "1", 3, lambda s: s.next_into),
             Seen("brush_to_turn", "rad", 3, lambda s: s.to_turn),
             Seen("face_direction", "1", 3, lambda s: s.face),
+            Seen("face_bowed", "1", 1, lambda s: s.bowed),
             Seen("jaw_opening", "rad", 1, lambda s: s.jaw),
             Seen("in_mouth", "1", 1, lambda s: where(s.is_inside, 1.0, 0.0)),
             Seen("brush_push", "N", 3, lambda s: s.push),
@@ -324,8 +325,7 @@ class ToothBrushing(Meal):
         }
 
     def is_success(self, state: ToothBrushingState) -> Values:
-        count = where(self.is_clean(state.brushed), 1.0, 0.0).sum(-1)
-        return (count >= len(QUADRANTS)) | state.refusal.is_respected
+        return self.is_clean(state.brushed).all(-1) | state.refusal.is_respected
 
     def is_failure(self, state: ToothBrushingState) -> Values:
         return state.refusal.is_hurt

@@ -105,13 +105,13 @@ class ToolMotion(Control):
 
     SPEED = 0.25  # [m/s]
     TURN = 1.0  # [rad/s]
+    NAMES = (
+        *(f"tool {axis} [m/s]" for axis in "xyz"),
+        *(f"tool about {axis} [rad/s]" for axis in "xyz"),
+    )
 
     def __init__(self) -> None:
-        self.size = 6
-        self.names = (
-            *(f"tool {axis} [m/s]" for axis in "xyz"),
-            *(f"tool about {axis} [rad/s]" for axis in "xyz"),
-        )
+        self.size, self.names = len(self.NAMES), self.NAMES
         self.max = np.array([self.SPEED] * 3 + [self.TURN] * 3)
 
     def action(self, linear: Array, angular: Array) -> Array:
