@@ -109,12 +109,15 @@ def test_workers_collect_by_themselves_with_new_weights_until_one_dies() -> None
 
 
 @pytest.mark.slow
-def test_a_training_counts_the_episodes_of_all_workers_and_goes_on(tmp_path: Any) -> None:
+def test_a_training_counts_the_episodes_of_all_workers_and_goes_on(
+    tmp_path: Any, recwarn: pytest.WarningsRecorder
+) -> None:
     def trained(steps: int) -> list[str]:
         config = TrainConfig(
             task="toileting",
             envs=4,
             workers="async://2",
+            variants=[{"level": 1}, {"level": 2}],  # two environments each: nothing to warn of
             steps=steps,
             interval=2000,
             evaluation_episodes=1,
@@ -128,3 +131,4 @@ def test_a_training_counts_the_episodes_of_all_workers_and_goes_on(tmp_path: Any
     assert -1000 < float(row["return"]) < 1000
     assert 0 <= float(row["success"]) <= 1
     assert len(trained(4000)) == 3
+    assert not [each for each in recwarn if "shared evenly" in str(each.message)]

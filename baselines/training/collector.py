@@ -261,7 +261,7 @@ class _Share:
         episodes, actions = (int(word) for word in sequence.generate_state(2))
         torch.manual_seed(actions)
         first = self.worker * count % max(1, len(self.recipe.variants))
-        variants = self.recipe.variants[first:] + self.recipe.variants[:first]
+        variants = (self.recipe.variants[first:] + self.recipe.variants[:first])[:count]
         recipe = dataclasses.replace(self.recipe, variants=variants)
         env = BatchedEnv(recipe, count=count, workers=0, seed=episodes)
         env.set_stage(self.stage)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import random
 import time
@@ -137,14 +138,17 @@ class Trainer:
         random.seed(config.seed)
         np.random.seed(config.seed)
         torch.manual_seed(config.seed)
-        count, workers = 1, 0  # of workers elsewhere, one that only tells what there is to learn
-        if isinstance(config.workers, int):
-            count, workers = config.envs, config.workers
+        count, workers, recipe = config.envs, config.workers, config.recipe()
+        if not isinstance(
+            workers, int
+        ):  # elsewhere: here one that only tells what there is to learn
+            count, workers = 1, 0
+            recipe = dataclasses.replace(recipe, variants=recipe.variants[:1])
         self._say(
             f"making {count} environment{'s' if count > 1 else ''} of {config.task}; what was never "
             "compiled on this machine is compiled now, which takes up to a minute"
         )
-        made = BatchedEnv(config.recipe(), count=count, workers=workers, seed=config.seed)
+        made = BatchedEnv(recipe, count=count, workers=workers, seed=config.seed)
         with closing(made) as env:
             try:
                 return self._run(env)

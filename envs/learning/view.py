@@ -8,7 +8,6 @@ heading it is the same whichever way a face is turned, and what the network does
 
 from __future__ import annotations
 
-import itertools
 import math
 import re
 from collections import deque
@@ -42,11 +41,11 @@ class ViewConfig:
         heading: A vector that is observed, such as `face_direction`. All that has three values and all axes
             are read turned about the vertical, as if it had pointed ahead when the episode began, and the
             tool's velocities of an action are turned back. Empty: as it is observed.
-        tilted: Turned up or down, too, so that the heading itself points ahead; then the axes y and
-            z of the world are read as well, under the name `left_and_up`.
+        tilted: Turned up or down, too, so that the heading itself points ahead; then the axes y and z of the
+            world are read as well, under the name `left_and_up`.
 
     Raises:
-        ConfigError: If a part is none of these, or a lag is out of 1..100.
+        ConfigError: If a part is none of these, a lag is out of 1..100, or it is tilted and has no heading.
     """
 
     parts: tuple[str, ...]
@@ -100,6 +99,7 @@ class View:
         less: list[int] = []
         self._turns: list[tuple[slice, int]] = []
         sizes: list[tuple[str, int]] = []
+        vectors: list[int] = []  # where they begin
         for part in config.parts:
             found = PART.fullmatch(part)
             assert found is not None  # a config holds no other
@@ -118,6 +118,8 @@ class View:
                     raise ConfigError(f"{part}: {size} and {other.stop - other.start} values")
                 add += range(at.start, at.stop)
                 less += [-1] * size if other is None else range(other.start, other.stop)
+            if found["turn"] or size == 3:
+                vectors += range(begin, begin + size, 3)
             sizes.append((part, size))
         if config.tilted:
             sizes.append(("left_and_up", AXES))
@@ -132,14 +134,7 @@ class View:
         )
         self._past: deque[Floats] = deque(maxlen=max(config.lags, default=0) + 1)
         self.now: Floats = np.zeros(len(add), np.float32)
-        begins = itertools.accumulate((size for _, size in sizes), initial=0)
-        vectors = [
-            range(at, at + size, 3)
-            for at, (_, size) in zip(begins, sizes, strict=False)
-            if size in (3, AXES)
-        ]
-        starts = np.array([x for one in vectors for x in one], int)
-        self._vectors = starts[:, None] + np.arange(3)
+        self._vectors = np.array(vectors, int)[:, None] + np.arange(3)
         self._heading = _find(places, config.heading) if config.heading else None
         self._tilted, self._begins = config.tilted, True
         self._turn = np.eye(3, dtype=np.float32)  # from the world to how it is read
