@@ -117,7 +117,7 @@ def test_a_training_counts_the_episodes_of_all_workers_and_goes_on(
             task="toileting",
             envs=4,
             workers="async://2",
-            variants=[{"level": 1}, {"level": 2}],  # two environments each: nothing to warn of
+            variants=({"level": 1}, {"level": 2}),  # two environments each: nothing to warn of
             steps=steps,
             interval=2000,
             evaluation_episodes=1,
