@@ -40,6 +40,7 @@ def made(success: list[list[float]], own: Mapping[str, tuple[str, ...]]) -> Cros
     )
 
 
+@pytest.mark.slow
 def test_cells_are_what_each_pair_does_alone(played: CrossPlay) -> None:
     assert played.policies == ("scripted", "idle")
     for j, partner in enumerate(zoo()):

@@ -75,6 +75,7 @@ def taught(memory: int) -> float:
     return float(torch.stack(right).mean())
 
 
+@pytest.mark.slow
 def test_with_a_memory_it_does_what_the_teacher_does_where_the_present_does_not_tell() -> None:
     assert taught(memory=1) > 0.95
     assert taught(memory=0) < 0.85

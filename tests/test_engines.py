@@ -475,6 +475,7 @@ def test_bench_batch_tells_both_speeds_and_the_ratio() -> None:
     assert CliRunner().invoke(app, ["bench", "homes", "feeding"]).exit_code == 2
 
 
+@pytest.mark.slow
 def test_bench_batch_over_processes_tells_what_the_machine_allows_a_loop(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

@@ -71,6 +71,7 @@ def assert_same_training(one: Path, other: Path) -> None:
         assert [row[name] for row in curve(one)] == [row[name] for row in curve(other)]
 
 
+@pytest.mark.slow
 def test_a_learner_comes_far_and_one_that_cannot_move_does_not(tmp_path: Path) -> None:
     """Over seeds 0 to 5 the first has success 0.5 to 0.83 and a return of 84 to 143; the other, whose
     actor stays as random as it began, 0 and 9 to 14."""
