@@ -353,7 +353,7 @@ class CareEnv(ByRecipe, ParallelEnv[str, Obs, Action]):
     def _find_start(self) -> np.random.Generator | str:
         """Draw starts until one is clear; return what drew it, or what is wrong with the last."""
         rng = np.random.default_rng(self.seed)
-        self.randomiser.begin(self.seed, min(self.task.coming_spread, 1.0))
+        self.randomiser.begin(self.seed, self.task.coming_spread)
         robots = [role for role, agent in self.cast.items() if isinstance(agent, Robot)]
         for _ in range(STARTS):
             self.world.rewind()

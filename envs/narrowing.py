@@ -1,4 +1,4 @@
-"""Chance that stays closer to the middle, for easier stages of a curriculum, or goes farther from it."""
+"""Chance that stays closer to the middle, for easier stages of a curriculum."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 
 class NarrowedRng(np.random.Generator):
-    """Draws what another generator would, but closer to the middle, or farther from it with more than 1.
+    """Draws what another generator would, but closer to the middle: for easier stages of a curriculum.
 
     Only draws from a range or about a middle are narrowed: `uniform`, `random`, `normal` and
     `standard_normal`. Whole numbers and choices have no middle and stay as they are. It goes on in the
@@ -17,7 +17,7 @@ class NarrowedRng(np.random.Generator):
     """
 
     def __init__(self, rng: np.random.Generator, spread: float) -> None:
-        """Take the generator, and the share that is left of each spread, 0 to 2."""
+        """Take the generator, and the share that is left of each spread, 0 to 1."""
         super().__init__(rng.bit_generator)
         self._spread = spread
 

@@ -262,8 +262,6 @@ class Task(abc.ABC):
             )
         if not force >= 1:
             raise ConfigError(f"force must be at least 1, got {force}")
-        if not 0 <= spread <= 1:
-            raise ConfigError(f"spread of a stage must lie in [0, 1], got {spread}")
         try:
             self.change_options(
                 dataclasses.replace(
@@ -293,7 +291,7 @@ class Task(abc.ABC):
 
     @property
     def coming_spread(self) -> float:
-        """Share of the randomisation that the next reset leaves, 0 to 2."""
+        """Share of the randomisation that the next reset leaves, 0 to 1."""
         coming = self.options if self._next is None else self._next
         return coming.spread if isinstance(coming, TaskOptions) else 1.0
 

@@ -12,7 +12,6 @@ from .state import Values, clip
 
 FORCE_LIMIT = 20.0  # [N] on a person; comfort ended there for the user of the RCareWorld paper
 
-WIDEST = 2.0  # of a spread; our own choice
 LARGEST = 1e6  # of a force limit [N] or a tolerance; above it is a slip
 
 
@@ -25,9 +24,8 @@ class TaskOptions:
             terms alone; `shaped` as the page of the task says.
         weights: Of terms of the shaped reward by name; those not named keep the weights of the task.
         force_limit: Force on the person that ends the episode as a failure [N].
-        spread: Share of what the task randomises at reset, 0 to 2; about its middle. The whole of it,
-            1, is the task as it is evaluated; less is for the beginning of a curriculum, more to train with
-            what is seldom: heads turned farther, tools that start farther off.
+        spread: Share of what the task randomises at reset, 0 to 1; about its middle. The whole of it,
+            1, is the task as it is evaluated; less is for the beginning of a curriculum.
         tolerance: Times the tolerance of success, from 1 on; the page of the task says what that is.
             Rewards and observations stay as they are.
         crowded: In a home, take the place with most furniture and walls close by, push nothing aside, and
@@ -51,8 +49,8 @@ class TaskOptions:
     def __post_init__(self) -> None:
         if not 0 < self.force_limit <= LARGEST:
             raise ValueError(f"force_limit must be positive, got {self.force_limit} N")
-        if not 0 <= self.spread <= WIDEST:
-            raise ValueError(f"spread must lie in [0, {WIDEST:g}], got {self.spread}")
+        if not 0 <= self.spread <= 1:
+            raise ValueError(f"spread must lie in [0, 1], got {self.spread}")
         if not 1 <= self.tolerance <= LARGEST:
             raise ValueError(f"tolerance must be at least 1, got {self.tolerance}")
         if self.weights and self.reward != "shaped":
