@@ -68,6 +68,7 @@ def do_one_thing_only(policy: ExploringPolicy, mean: float) -> None:
         last.bias[6:] = -20  # without chance
 
 
+@pytest.mark.slow
 def test_workers_collect_by_themselves_with_new_weights_until_one_dies() -> None:
     recipe = EnvRecipe("toileting")
     policy = policy_for(recipe)

@@ -179,6 +179,7 @@ def uninterrupted() -> list[TensorDictBase]:
     return steps
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("workers", few((0, 1), 0))
 def test_a_saved_batch_goes_on_bit_for_bit(
     workers: int, uninterrupted: list[TensorDictBase], tmp_path: Path
@@ -324,6 +325,7 @@ def test_a_closed_batch_says_so_and_closes_twice() -> None:
             use()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("policy", "said"),
     [

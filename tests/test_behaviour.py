@@ -174,6 +174,7 @@ def test_who_tries_in_vain_says_so_after_a_while_and_gives_up(kind: Kind) -> Non
 
 
 @MUSCLES_SLOW
+@pytest.mark.slow
 def test_no_sentence_is_tried_for_ever(kind: Kind) -> None:
     scene = Scene("kim", kind=kind)
     for text in sorted(scene.cues.instruction.possible):

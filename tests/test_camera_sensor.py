@@ -330,6 +330,7 @@ print("parent:", process.exitcode)
 """
 
 
+@pytest.mark.slow
 @pytest.mark.needs_gl
 def test_forked_workers_draw_and_those_that_cannot_say_what_to_do() -> None:
     """In a process of its own, which OpenGL has not touched; what goes wrong would hang."""

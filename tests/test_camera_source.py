@@ -125,6 +125,7 @@ def judged(exercise: Exercise, path: Array) -> Repetition:
     return found[0]
 
 
+@pytest.mark.slow
 def test_the_rules_take_its_frames_and_tell_a_right_repetition_from_half_of_one() -> None:
     exercise = load_exercise("lateral_raise")
     path = exercise.path()

@@ -237,6 +237,7 @@ def test_demos_are_numbered(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
     assert {file.name for file in Path("runs/demo-2").iterdir()} == FILES - {"feeding.mp4"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("video", ["--video", "--no-video"])
 def test_interrupted_demo_leaves_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, video: str
@@ -393,6 +394,7 @@ def test_bench_refuses_what_does_not_belong_to_it() -> None:
     assert "Did you mean 'feeding'" in call("bench", "feding", code=2).stderr
 
 
+@pytest.mark.slow
 def test_bench_of_avatars_prints_one_json_object_with_all_keys_or_a_table(
     capsys: pytest.CaptureFixture[str],
 ) -> None:

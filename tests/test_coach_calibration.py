@@ -80,6 +80,7 @@ def put(motion: str, degrees: float) -> Spoil:
     return spoil
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("part", "spoil", "lost", "said"),
     [
@@ -169,6 +170,7 @@ from rcare_marl.baselines.coaching.page.message import Begin, Command, MessageEr
 from rcare_marl.baselines.coaching.page.room import STEP, Room  # noqa: E402
 
 
+@pytest.mark.slow
 def test_a_page_is_led_through_a_calibration_and_begins_the_next_session_with_it(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

@@ -49,6 +49,7 @@ def test_the_trials_do_not_depend_on_how_many_processes_there_are() -> None:
     assert one == two and {trial.user for trial in one.trials} == {0, 1}
 
 
+@pytest.mark.slow
 def test_tables_say_it_to_people_and_levels_of_noise_are_drawn(tmp_path: Path) -> None:
     plot, numbers = tmp_path / "noise.png", tmp_path / "out" / "coach.json"
     out = told(

@@ -22,6 +22,7 @@ PEOPLE: dict[str, dict[str, Any]] = {  # who turn their heads only, so that a se
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("task", PEOPLE)
 def test_the_config_that_ships_trains_how_the_coach_leads_its_orders_stay_those_of_the_tree(
     task: str, tmp_path: Path

@@ -235,6 +235,7 @@ def test_without_a_finished_episode_nothing_is_left(env: CareEnv, tmp_path: Path
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 def test_evaluations_are_recorded_and_replayed(tmp_path: Path) -> None:
     def call(*words: str) -> Any:
         return CliRunner().invoke(app, words)

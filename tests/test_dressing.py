@@ -61,6 +61,7 @@ def test_a_ring_goes_round_a_leg_once_or_not_at_all() -> None:
     assert leg.place(leg.at(0.3)) == pytest.approx(0.3, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_shorts_hang_round_the_foot_in_the_fingers_and_press_on_nobody(free: CareEnv) -> None:
     free.reset(seed=0)
     task = task_of(free)
@@ -141,6 +142,7 @@ def test_the_leg_is_put_down_again_with_the_shorts_past_the_knee() -> None:
     assert won >= 2
 
 
+@pytest.mark.slow
 def test_a_caregiver_is_learnable_and_its_actions_without_a_policy_give_the_same_episode(
     played: Played,
 ) -> None:

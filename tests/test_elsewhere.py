@@ -72,6 +72,7 @@ def test_another_cast_is_warned_of_once_with_what_was_measured() -> None:
         ("limb_repositioning", "specialist", {"recipient": "daniel"}, "1 of 20"),
         ("limb_repositioning", "specialist", {"robot": "fetch"}, "1 of 10"),
         ("dressing", "learned", {"robot": "fetch"}, "0 of 4"),
+        ("ambulating", "learned", {"robot": "hsr"}, "robot hsr, level 1: 0 of 10"),
     ],
 )
 def test_what_hardly_ever_works_is_refused_with_the_figure(
@@ -84,6 +85,11 @@ def test_what_hardly_ever_works_is_refused_with_the_figure(
             assert trained.best_policy(env, task) == "scripted"
             (text,) = warned(env, task, elsewhere.ANYWAY)
             assert figure in text
+
+
+def test_what_fails_at_one_level_is_played_at_another() -> None:
+    (text,) = play("ambulating", robot="hsr", level=2)
+    assert "robot hsr" in text and "10 of 15" in text
 
 
 def test_a_robot_besides_does_not_help() -> None:

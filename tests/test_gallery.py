@@ -12,6 +12,7 @@ from rcare_marl.cli import gallery
 from rcare_marl.errors import ConfigError, UnknownNameError
 
 
+@pytest.mark.slow
 def test_a_picture_of_each_and_a_sheet_of_those_of_a_kind(tmp_path: Path) -> None:
     files = gallery.make(tmp_path, ("robots", "avatars"), ("nao", "ur5", "karan"))
     names = {file.relative_to(tmp_path).as_posix() for file in files}

@@ -270,6 +270,7 @@ def test_page_shows_pictures_that_are_there() -> None:
         assert file.is_file() and file.stat().st_size < 500_000, name
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["house_01", "house_07"])
 def test_nothing_but_a_floor_is_drawn_as_one(name: str) -> None:
     world = World()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import signal
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -15,18 +16,20 @@ from typer.testing import CliRunner
 from rcare_marl.agents.people.avatar import load_avatar
 from rcare_marl.agents.people.sampling.population import person_hash
 from rcare_marl.baselines.evaluation import matrix as module
+from rcare_marl.baselines.evaluation.axes import axis_values, parse_over
 from rcare_marl.baselines.evaluation.evaluate import Evaluation, evaluate, lead_policies
 from rcare_marl.baselines.evaluation.matrix import (
     Cell,
     Matrix,
     MatrixPlan,
-    axis_values,
-    parse_over,
+    Outcome,
     run_matrix,
 )
 from rcare_marl.baselines.workers import run_each
 from rcare_marl.cli import app
 from rcare_marl.errors import ConfigError, UnknownNameError, WorkerError
+
+Finished = Callable[[int, Outcome], None]
 
 SIX = ("morgan", "jose", "natalia", "daniel", "kim", "karan")
 
@@ -167,6 +170,46 @@ def give(number: int) -> int:
     return number
 
 
+def test_several_processes_share_a_cell_in_which_others_play_each_time(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """In parts of a few episodes, each with its own seeds; the cell comes out as if it had been run whole."""
+    cast = {"recipient": "population:test:0-99"}
+    plan = MatrixPlan("feeding", {}, episodes=2, seed=40, cast=cast)
+    runs: list[list[int]] = []
+
+    def in_turn(calls: list[Callable[[], Outcome]], _: int, on_done: Finished) -> None:
+        runs.append([])
+        for number, call in reversed(list(enumerate(calls))):  # the last is the first to be done
+            on_done(number, call())
+
+    def noted(cell: Cell, *args: object) -> Evaluation:
+        runs[-1].append(cell.plan.episodes)
+        return real(cell, *args)  # type: ignore[arg-type]
+
+    real = Cell.evaluation
+    monkeypatch.setattr(Cell, "evaluation", noted)
+    monkeypatch.setattr(module, "CHUNK", 1)
+    monkeypatch.setattr(module, "run_each", in_turn)
+    told: list[int] = []
+    whole = run_matrix(plan)
+    parted = run_matrix(plan, processes=2, on_progress=told.append)
+    assert runs == [[2], [1, 1]] and sum(told) == 2
+    assert parted.to_dict() | {"machine": 0} == whole.to_dict() | {"machine": 0}
+    assert [e.seed for e in parted.outcomes[0].result.episodes] == [40, 41]  # type: ignore[union-attr]
+
+    def refusing(cell: Cell, *args: object) -> Evaluation:
+        if cell.seed == 41:
+            raise ConfigError("nobody can be cast")
+        return whole.outcomes[0].result  # type: ignore[return-value]
+
+    monkeypatch.setattr(Cell, "evaluation", refusing)
+    (refused,) = run_matrix(plan, processes=2).outcomes
+    assert (refused.state, refused.reason) == ("refused", "nobody can be cast")
+    assert refused.cell == plan.cells()[0]
+
+
+@pytest.mark.slow
 def test_a_killed_process_costs_its_own_call() -> None:
     found: dict[int, int | BaseException] = {}
     run_each([partial(give, number) for number in range(5)], 2, found.__setitem__)

@@ -49,6 +49,7 @@ def files(robot: Planned, folder: Path) -> tuple[str, str]:
     return f"{config}.urdf", f"{config}.srdf"
 
 
+@pytest.mark.slow
 def test_pinocchio_has_every_link_where_we_have_it(package: Any) -> None:
     pin = pytest.importorskip("pinocchio")
     robot, _, folder = package

@@ -230,6 +230,7 @@ def test_the_pull_towards_demonstrations_decays_to_nothing() -> None:
     assert distances[1] < 0.5 * distances[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", few(("sac", "tqc", "masac"), "sac", "tqc"))
 def test_a_resumed_learner_goes_on_bit_for_bit(name: str) -> None:
     env = PointReach(TEAM, low=0.0)

@@ -165,6 +165,7 @@ SEVERAL = pytest.mark.parametrize("name", ["ippo", "mappo"])
 
 
 @EACH
+@pytest.mark.slow
 def test_learning_beats_chance_by_far(name: str, groups: Mapping[str, tuple[int, float]]) -> None:
     torch.manual_seed(0)
     env = Reaching(groups)

@@ -196,6 +196,7 @@ def test_random_actions_leave_all_finite() -> None:
     env.close()
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_episode(scripted: CareEnv) -> None:
     ends = []
     for _ in range(2):

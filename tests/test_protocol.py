@@ -139,6 +139,7 @@ def test_a_policy_does_as_when_it_is_evaluated_alone(record: Record, file: Path)
     assert record.runs[1].policies == {"robot": str(file), "recipient": "cooperative"}
 
 
+@pytest.mark.slow
 def test_numbers_are_the_same_however_many_processes_there_are(record: Record) -> None:
     heard: list[int] = []
     again = assess(record.plan, processes=2, on_progress=heard.append)

@@ -301,6 +301,7 @@ def test_wrong_uses_of_the_command_are_told(file: Path, tmp_path: Path) -> None:
     assert result.exit_code == 2 and "one recorded episode" in " ".join(result.output.split())
 
 
+@pytest.mark.slow
 def test_evaluate_leaves_episodes_that_can_be_replayed(tmp_path: Path) -> None:
     given = ["evaluate", "feeding", "--policy", "still", "--episodes", "1", "--seed", "4"]
     given += ["--role-policy", "recipient=still", "--option", "force_limit=15"]

@@ -266,6 +266,18 @@ def test_the_gripper_of_the_arm_that_moves_is_the_one_in_use() -> None:
     assert right.width(right.start) == pytest.approx(right.width(right.config.opened))
 
 
+def test_a_policy_of_one_arm_finds_the_gripper_of_a_robot_with_two() -> None:
+    """What is sensed and commanded of the main arm and its gripper has the names of a robot with one arm."""
+    names = []
+    for model in ("kinova_gen3", "pr2"):
+        env = rcare_marl.make("ambulating", robot=model)
+        names.append(
+            (env.cast["robot"].action_names, [name for _, name, _ in env.describe("robot")])
+        )
+        env.close()
+    assert names[0] == names[1]
+
+
 def test_two_robots_with_a_place_each_work_side_by_side() -> None:
     env = rcare_marl.make(
         "feeding",

@@ -103,6 +103,7 @@ def test_a_client_that_is_not_ours_moves_the_arm_by_a_trajectory() -> None:
     assert float(said.split("off ")[1]) < 0.03
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("robot")
 def test_what_is_told_is_recorded_for_tools_that_are_not_ours(tmp_path: Path) -> None:
     file = tmp_path / "robot.mcap"

@@ -78,6 +78,7 @@ def held(env: CareEnv) -> None:
         assert exercise.say in task.body.said
 
 
+@pytest.mark.slow
 def test_a_person_is_led_through_all_five_exercises() -> None:
     env = make(recipient="karan", options={"repetitions": 1})
     held(env)

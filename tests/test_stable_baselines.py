@@ -29,6 +29,7 @@ def test_stable_baselines_finds_nothing_wrong(
     assert [str(w.message) for w in recwarn if w.category is UserWarning] == []
 
 
+@pytest.mark.slow
 def test_sac_learns_from_it(env: SingleAgentEnv) -> None:
     torch.manual_seed(0)
     model = stable_baselines3.SAC(

@@ -226,6 +226,7 @@ def test_a_wrong_performance_counts_only_if_it_was_called_wrong_and_never_right(
     assert scored("half_range", wrong, right).recognised == 0
 
 
+@pytest.mark.slow
 def test_an_evaluation_is_one_json_object_and_the_same_every_time() -> None:
     arguments: dict[str, Any] = {"users": 1, "seed": 5, "split": "development", "source": "joints"}
     exercises = [load_exercise("front_raise")]

@@ -101,6 +101,7 @@ def test_a_training_of_another_config_is_refused_by_the_names_that_differ(tmp_pa
         Trainer(load_config(SHORT), tmp_path, resume="never")
 
 
+@pytest.mark.slow
 def test_a_training_stops_when_asked_and_goes_on_as_if_it_had_not(tmp_path: Path) -> None:
     whole, parts = tmp_path / "whole", tmp_path / "parts"
     assert trained(SHORT, whole).finished

@@ -47,7 +47,6 @@ if TYPE_CHECKING:
 
 GripperUse = Literal["held", "free", "commanded"]
 
-
 MOST_NOISE = 1.0  # [rad or m] of a start posture; our own choice
 
 
@@ -150,8 +149,7 @@ class Robot(Agent):
     def _checked_moves(self, moves: Sequence[str] | None) -> tuple[str, ...]:
         config = self.config
         chosen = (config.main_arm,) if moves is None else tuple(moves)
-        main = next((part for part in chosen if part in config.arms), config.main_arm)
-        main_gripper = gripper_name(main)
+        main_gripper = gripper_name(config.leading(chosen))
         for part in chosen:
             check_name("part of the robot", part, config.parts)
         if len(set(chosen)) != len(chosen):
@@ -209,11 +207,10 @@ class Robot(Agent):
     @property
     def _main(self) -> str:
         """Name of the main arm that moves."""
-        arms = [name for name in self.moves if name in self.config.arms]
-        if not arms:
+        if (arm := self.config.leading(self.moves)) not in self.moves:
             moves, known = ", ".join(self.moves), ", ".join(self.config.arms)
             raise ConfigError(f"{self.name!r} moves {moves}, and none of it is an arm: add {known}")
-        return arms[0]
+        return arm
 
     @property
     def gripper(self) -> Gripper | None:
@@ -348,8 +345,9 @@ class Robot(Agent):
             assert config.base is not None  # or `base` would be no part
             self.base = MobileBase(self.body, config.base)
             return Part(name, BaseVelocity(self.base), base=self.base)
-        gripper = next(g for arm, g in assembly.grippers.items() if gripper_name(arm) == name)
-        return Part(name, GripperClosing(gripper, name))
+        of = next(arm for arm in assembly.grippers if gripper_name(arm) == name)
+        shown = config.gripper_shown(of, self.moves)
+        return Part(shown, GripperClosing(assembly.grippers[of], shown))
 
     def reset(self, rng: np.random.Generator) -> None:
         self.set_start()
@@ -479,8 +477,9 @@ class Robot(Agent):
     def observables(self) -> Sequence[Observable]:
         out = [observable for part in self.parts.values() for observable in part.observables()]
         if self._gripper_use == "free":
-            grippers = self.assembly.grippers.items()
-            out += [closing(gripper_name(arm), g) for arm, g in grippers if g.is_movable]
+            for arm, gripper in self.assembly.grippers.items():
+                if gripper.is_movable:
+                    out.append(closing(self.config.gripper_shown(arm, self.moves), gripper))
         return out
 
     def describe(self) -> dict[str, str]:

@@ -213,6 +213,14 @@ class RobotConfig:
         is_urdf = Path(self.model).suffix.lower() in (".urdf", ".xml", ".xacro")
         return self.model if is_urdf else None
 
+    def leading(self, moves: Sequence[str]) -> str:
+        """Return the main arm of some parts: the first arm of them, or else the model's."""
+        return next((name for name in moves if name in self.arms), self.main_arm)
+
+    def gripper_shown(self, arm: str, moves: Sequence[str]) -> str:
+        """Return what a gripper is called in actions and observations: the main arm's as if it were alone."""
+        return "gripper" if arm == self.leading(moves) else gripper_name(arm)
+
     def parts_beside_groups(self) -> tuple[str, ...]:
         """Return the names of arms, grippers and base."""
         grippers = (gripper_name(n) for n, arm in self.arms.items() if arm.gripper is not None)

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -245,6 +245,14 @@ def evaluate(
         return Evaluation(
             task, names, models, chosen, seed, tuple(done), place, people, refused, known
         )
+
+
+def joined(parts: Sequence[Evaluation]) -> Evaluation:
+    """Return one evaluation of the episodes of several that differ in their seeds alone."""
+    episodes = tuple(episode for part in parts for episode in part.episodes)
+    people = {who: found for part in parts for who, found in part.people.items()}
+    refused = {who: why for part in parts for who, why in part.refused.items()}
+    return replace(parts[0], episodes=episodes, people=people, refused=refused)
 
 
 @dataclass(frozen=True)

@@ -131,7 +131,7 @@ def judge(
         protocol: What to run.
         task: Name of the task.
         policies: Of the robot: names or files.
-        processes: How many at once; each takes whole cells, the longest first.
+        processes: How many at once; the longest cells go first.
         on_start: Told how many episodes there will be.
         on_progress: Called with the number of episodes that were done since.
         on_cell: Called after each cell with the record so far and with it.

@@ -9,33 +9,24 @@ Example:
 from __future__ import annotations
 
 import itertools
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
-from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 
-from rcare_marl import assets
 from rcare_marl.agents.people.avatar import expand_movable
 from rcare_marl.agents.people.sampling.population import (
-    PREFIX,
-    SIX,
-    find_avatar,
     names_several,
-    people_named,
 )
-from rcare_marl.agents.robots.robot_config import load_robot
 from rcare_marl.config import load
 from rcare_marl.envs.company import model_of
-from rcare_marl.envs.homes import LEVELS, home_names
 from rcare_marl.envs.randomise import Randomisation
 from rcare_marl.envs.registry import (
-    is_policy_file,
     lead_roles,
     policy_factory,
-    policy_names,
     task_class,
 )
 from rcare_marl.errors import ConfigError, UnknownNameError, check_name
@@ -43,126 +34,21 @@ from rcare_marl.provenance import machine, versions
 
 from ..partners import trembling
 from ..workers import run_each
-from .evaluate import Episode, Evaluation, evaluate, lead_policies, wilson_interval
+from .axes import AXES, BARE, MUSCLE, RECIPIENT, TREMOR, axis_values
+from .evaluate import Episode, Evaluation, evaluate, joined, lead_policies, wilson_interval
 from .protocol import columns
 
 FORMAT = 1  # of a record
-AXES = ("people", "robots", "partners", "homes")
-ALL, REACHABLE, BARE = "all", "reachable", "bare"
-RECIPIENT, CAREGIVER, ROBOT = "recipient", "caregiver", "robot"
-TREMOR, MUSCLE = "tremor", "muscle"  # partners that differ in their body
-USUAL = ("behaviour", "still", "passive", "resisting", "refusing")  # of `all`, where they are known
+ROBOT = "robot"
 ROOM: Mapping[str, Callable[[list[float]], float]] = {
     "room_contacts": sum,
     "room_near_misses": sum,
     "room_clearance_m": min,
 }  # how cells are joined
 
+CHUNK = 5  # episodes of a cell with others in each that one process takes; our own choice
+
 Progress = Callable[[int], None]
-
-
-def parse_over(text: str) -> dict[str, tuple[str, ...]]:
-    """Return the values of each axis of a text such as `people=six,robots=all,homes=2`.
-
-    Raises:
-        UnknownNameError: If there is no such axis.
-        ConfigError: If it is no list of axes, or one stands there twice or without a value.
-    """
-    out: dict[str, tuple[str, ...]] = {}
-    for part in text.split(","):
-        axis, _, rest = part.partition("=")
-        axis, values = axis.strip(), tuple(value.strip() for value in rest.split("+"))
-        check_name("axis of a matrix", axis, AXES)
-        if axis in out or not all(values):
-            what = "stands there twice" if axis in out else "needs values, joined by +"
-            raise ConfigError(
-                f"{axis} {what}; write for example people=six,robots=pr2+ur5, got {text!r}"
-            )
-        out[axis] = values
-    return out
-
-
-def axis_values(task: str, axis: str, values: Sequence[str]) -> tuple[str, ...]:
-    """Return the single values that those of an axis stand for, each once.
-
-    Raises:
-        UnknownNameError: If a name does not exist.
-        ConfigError: If a value is impossible.
-    """
-    expand = {"people": _people, "robots": _robots, "partners": _partners, "homes": _homes}[axis]
-    found = [name for value in values for name in expand(task, value)]
-    return tuple(dict.fromkeys(found))
-
-
-def _people(task: str, value: str) -> tuple[str, ...]:
-    if RECIPIENT not in task_class(task).roles():
-        raise ConfigError(f"task {task!r} has no {RECIPIENT!r}: leave out people and partners")
-    if not Path(value).suffix and not value.startswith(PREFIX):
-        check_name("avatar or population", value, [*assets.names("avatars"), SIX])
-    if not names_several(value):
-        find_avatar(value)  # so that a file that is missing is told before anything runs
-    return people_named(value)
-
-
-def _robots(task: str, value: str) -> tuple[str, ...]:
-    known, reach = assets.names("robots"), task_class(task).reachable_by
-    if value == REACHABLE:
-        return tuple(sorted(known if reach is None else reach))
-    if not Path(value).suffix:
-        check_name("robot", value, [*known, ALL, REACHABLE])
-    if value != ALL:
-        load_robot(value)
-    return tuple(known) if value == ALL else (value,)
-
-
-def partner_names(task: str) -> tuple[str, ...]:
-    """Return the partners that `all` stands for: how the recipient is played, and then the caregiver.
-
-    The recipient's default policy comes first, then others that it knows (see `USUAL`), then the default
-    one with a body that trembles and with one driven by muscles. Policies of a caregiver whom the task
-    cannot do without are called `caregiver:NAME`.
-    """
-    roles = task_class(task).roles()
-    if RECIPIENT not in roles:
-        raise ConfigError(f"task {task!r} has no {RECIPIENT!r}: leave out people and partners")
-    known = policy_names(task, RECIPIENT)
-    usual = roles[RECIPIENT].partner
-    own = [name for name in (usual, *USUAL) if name in known]
-    helper = roles.get(CAREGIVER)
-    beside = policy_names(task, CAREGIVER) if helper is not None and helper.default else ()
-    others = [f"{CAREGIVER}:{n}" for n in beside if helper and n not in (helper.partner, "random")]
-    return tuple(dict.fromkeys([*own, TREMOR, MUSCLE, *others]))
-
-
-def _partners(task: str, value: str) -> tuple[str, ...]:
-    known = partner_names(task)
-    if value == ALL:
-        return known
-    role, _, name = value.rpartition(":")
-    if not is_policy_file(name):
-        helpers = policy_names(task, CAREGIVER) if CAREGIVER in task_class(task).roles() else ()
-        more = [*policy_names(task, RECIPIENT), *(f"{CAREGIVER}:{each}" for each in helpers)]
-        check_name(f"partner in task {task!r}", value, {ALL, *known, *more})
-    elif role not in ("", CAREGIVER):
-        raise ConfigError(
-            f"a partner plays the {RECIPIENT} or, as in caregiver:FILE, helps: got {value!r}"
-        )
-    return (value,)
-
-
-def _homes(task: str, value: str) -> tuple[str, ...]:
-    known = home_names()
-    if value.isdecimal():
-        if not 1 <= int(value) <= len(known):
-            raise ConfigError(f"homes are a number from 1 to {len(known)}, or names, got {value}")
-        return tuple(known[: int(value)])
-    name, colon, level = value.partition(":")
-    check_name("house", name, [*known, ALL, BARE])
-    if colon and (name == BARE or level not in map(str, LEVELS)):
-        raise ConfigError(
-            f"the level of a house is one of {LEVELS}, as in house_07:2, got {value!r}"
-        )
-    return tuple(f"{each}{colon}{level}" for each in known) if name == ALL else (value,)
 
 
 @dataclass(frozen=True)
@@ -300,6 +186,18 @@ class Cell:
             on_episode=on_episode,
         )
 
+    def parts(self) -> list[Cell]:
+        """Return cells of a few of its episodes each; itself, unless another one plays in each of them."""
+        starts = range(0, self.plan.episodes, CHUNK)
+        if len(starts) == 1 or not any(names_several(model_of(e)) for e in self.plan.cast.values()):
+            return [self]
+        counts = [min(CHUNK, self.plan.episodes - start) for start in starts]
+        plans = [replace(self.plan, episodes=count) for count in counts]
+        return [
+            replace(self, plan=plan, seed=self.seed + start)
+            for plan, start in zip(plans, starts, strict=True)
+        ]
+
     def run(self, on_episode: Callable[[Episode], None] | None = None) -> Outcome:
         """Return what came of it; who cannot be cast is refused."""
         try:
@@ -431,7 +329,7 @@ def run_matrix(
 
     Args:
         plan: What to run.
-        processes: How many at once; each takes whole cells.
+        processes: How many at once.
         on_progress: Called with the number of episodes that were done since.
         on_cell: Called after each cell, with all that is finished by then.
 
@@ -467,6 +365,11 @@ def run_cells(
     done: dict[int, Outcome] = {}
     told = 0
     tell = on_progress or (lambda _: None)
+    parts = [
+        (i, part) for i, c in enumerate(cells) for part in (c.parts() if processes > 1 else [c])
+    ]
+    ended: list[dict[int, Outcome]] = [{} for _ in cells]  # of each cell its parts
+    left = Counter(i for i, _ in parts)
 
     def one(_: Episode) -> None:
         nonlocal told
@@ -475,14 +378,27 @@ def run_cells(
 
     def finish(number: int, found: Outcome | BaseException) -> None:
         nonlocal told
+        i, part = parts[number]
         if not isinstance(found, Outcome):
-            found = Outcome(cells[number], "crashed", f"{type(found).__name__}: {found}")
-        done[number] = found
-        tell(cells[number].plan.episodes - told)
+            found = Outcome(part, "crashed", f"{type(found).__name__}: {found}")
+        tell(part.plan.episodes - told)
         told = 0
+        ended[i][number] = found
+        left[i] -= 1
+        if left[i]:
+            return
+        done[i] = _whole(cells[i], [ended[i][k] for k in sorted(ended[i])])
         if on_cell is not None:
-            on_cell(done, found)
+            on_cell(done, done[i])
 
-    calls = [partial(cell.run, one) if processes == 1 else cell.run for cell in cells]
+    calls = [partial(part.run, one) if processes == 1 else part.run for _, part in parts]
     run_each(calls, processes, finish)
     return tuple(done[i] for i in range(len(cells)))
+
+
+def _whole(cell: Cell, parts: Sequence[Outcome]) -> Outcome:
+    """Return what came of a cell from what came of its parts: the first that is not done, or all."""
+    results = [part.result for part in parts if part.result is not None]
+    if len(results) < len(parts):
+        return replace(next(part for part in parts if part.result is None), cell=cell)
+    return Outcome(cell, "done", "", joined(results))

@@ -28,7 +28,7 @@ from rcare_marl.reading import read_json
 
 from .. import trained
 from ..policy_file import SUFFIX, PolicyFile
-from .evaluate import Episode, Evaluation, Job, lead_policies, run_jobs, wilson_interval
+from .evaluate import Episode, Evaluation, Job, joined, lead_policies, run_jobs, wilson_interval
 from .statistic import hierarchical_interval, interquartile_mean, stratified_interval
 
 FORMAT = 1  # of a record
@@ -295,11 +295,7 @@ def run(
             role: name if used == policies[number] else used
             for role, used in parts[0].policies.items()
         }
-        episodes = tuple(episode for part in parts for episode in part.episodes)
-        people = {who: found for part in parts for who, found in part.people.items()}
-        refused = {who: why for part in parts for who, why in part.refused.items()}
-        whole = replace(parts[0], policies=shown, episodes=episodes)
-        out.append(replace(whole, people=people, refused=refused))
+        out.append(replace(joined(parts), policies=shown))
     return tuple(out)
 
 

@@ -37,6 +37,7 @@ BESIDE = 0.04
 NEAR = 0.006  # [m] beyond a stroke from its place at the teeth along the brush, where it presses and strokes
 LEANT = 3.0  # [N] on its way in, from which it comes out again
 DEEP, MOST = 0.01, 2.4  # [m] into the teeth, [N]: then it is not they that it feels
+EDGE = 0.004  # [m] above or below its place, from which it keeps off the teeth until it is level with it
 FOLLOW, GIVE = 0.3, 0.02  # [m/s] with the head, and for each newton on its way out
 # [m] beside the line of the brush: goes in at its full speed, no further
 STRAIGHT, ASTRAY = 0.01, 0.02
@@ -144,7 +145,10 @@ class ScriptedToothBrushing(ToolScript[ToothBrushing]):
         linear = (to_and_fro - BACK * at) * along
         linear = linear - GAIN * (aside - (aside @ outward) * outward)
         is_beyond = float(off @ outward) < -DEEP
+        level = float(np.linalg.norm(aside - (aside @ outward) * outward))
         inward = YIELD * (PRESS - press) if press > TOUCH else SINK
+        if press <= TOUCH and level > EDGE:  # or it comes to lie under the edge of the teeth
+            inward = GAIN * (float(off @ outward) - CLEAR)
         if seen.press > MOST or (press <= TOUCH and is_beyond):  # something else is in the way
             inward = -SINK
         return limited(linear, ALONG) - float(np.clip(inward, -SINK, SINK)) * outward

@@ -42,8 +42,9 @@ class Figure:
     """What a policy came to with a cast.
 
     Attributes:
-        cast: What differs from its training: roles, `home`, `level`, and options as `options.mount`. Of a
-            script the robot, and the level if its task is measured at each.
+        cast: What differs from its training: roles, `home`, `level`, and options as `options.mount`; also
+            the level if something else comes off there otherwise. Of a script the robot, and the level if
+            its task is measured at each.
         done: Episodes that ended in success.
         of: Episodes.
         force: Greatest force on the person in any of them [N].
@@ -124,17 +125,20 @@ def _model(agent: object) -> str:
     return agent.files.model.name if isinstance(agent, Robot) else type(agent).__name__
 
 
-def measured(name: str, differing: Mapping[str, Any]) -> Figure | None:
-    """Return what was measured of the policy of that name with just these differences.
+def measured(name: str, differing: Mapping[str, Any], level: int) -> Figure | None:
+    """Return what was measured of the policy of that name with just these differences, at this level.
 
     Else, where it seldom came off, with some of them: in the same place and with the same options, but
-    with other people or robots besides.
+    with other people or robots besides. A figure without a level is of all at which it was trained.
     """
-    found = [figure for figure in figures().get(name, ()) if figure.cast == dict(differing)]
-    place = {key: value for key, value in differing.items() if _is_place(key)}
+    here = {**differing, "level": level}
+    found = [f for f in figures().get(name, ()) if f.cast == here]
+    found += [f for f in figures().get(name, ()) if f.cast == dict(differing)]
+    place = {key: value for key, value in here.items() if _is_place(key)}
     for figure in figures().get(name, ()):
-        fits = all(differing.get(key) == value for key, value in figure.cast.items())
-        same = {key: value for key, value in figure.cast.items() if _is_place(key)} == place
+        cast = figure.cast if "level" in differing else {"level": level, **figure.cast}
+        fits = all(here.get(key) == value for key, value in cast.items())
+        same = {key: value for key, value in cast.items() if _is_place(key)} == place
         if fits and same and figure.done <= SELDOM * figure.of:
             found.append(figure)
     return found[0] if found else None
@@ -147,7 +151,7 @@ def _is_place(key: str) -> bool:
 def refusal(env: CareEnv, file: PolicyFile, name: str) -> str:
     """Return why a shipped policy is not played in an environment; empty if it may be."""
     differing = differences(env, file)
-    figure = measured(name, differing)
+    figure = measured(name, differing, env.task.place.level)
     if figure is None or env.company is not None or figure.done > SELDOM * figure.of:
         return ""
     return (
@@ -174,7 +178,7 @@ def check_cast(env: CareEnv, file: PolicyFile, name: str, *, anyway: bool = Fals
     reason = refusal(env, file, name)
     if reason and not anyway:
         raise ConfigError(reason)
-    figure = measured(name, differing)
+    figure = measured(name, differing, env.task.place.level)
     said = f"measured with {_told(figure.cast)}: {figure}" if figure else "that was not measured"
     warnings.warn(
         f"the learned policy of {file.task!r} was not trained with {_told(differing)}; {said}",

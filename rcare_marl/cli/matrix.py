@@ -10,11 +10,11 @@ from typing import Any
 from rich.text import Text
 
 from rcare_marl.atomic_file import write_whole
+from rcare_marl.baselines.evaluation.axes import parse_over
 from rcare_marl.baselines.evaluation.matrix import (
     Matrix,
     MatrixPlan,
     Outcome,
-    parse_over,
     run_matrix,
 )
 from rcare_marl.baselines.evaluation.protocol import record_text
