@@ -27,7 +27,8 @@ from rcare_marl.errors import ConfigError, RcareError, check_name
 from rcare_marl.provenance import MEASURED_WITH, machine, versions
 from rcare_marl.reading import read_json
 
-from .matrix import RECIPIENT, Matrix, MatrixPlan, Outcome, Progress, run_cells
+from .axes import RECIPIENT
+from .matrix import Matrix, MatrixPlan, Outcome, Progress, run_cells
 from .protocol import Plan, file_facts
 
 FORMAT = 1  # of a record
