@@ -20,6 +20,7 @@ from rcare_marl.agents.people.actuation.muscular import MuscleDrive
 from rcare_marl.agents.people.body.skeleton import JOINT_INDEX
 from rcare_marl.envs.devices import HOOK_SHARE_HANGING
 from rcare_marl.envs.registry import register_policy
+from rcare_marl.envs.scenes.limb_repositioning_state import LAP_SEEN
 from rcare_marl.envs.tasks.limb_repositioning import LimbRepositioning
 from rcare_marl.pose import (
     Array,
@@ -71,7 +72,7 @@ ROOM = 0.01  # [m] between plate, or hand, and armrest
 # It is lowered from where it so comes to lie SWAYED ahead of its place, or LATE [s] before the end, and let
 # go where it comes to lie LANDS ahead [m], or LATEST [s] before the end.
 SWINGS, LANDS, SWAYED, LATE, LATEST = 0.4, 0.01, -0.01, 6.0, 3.5
-ABOVE, NEARBY = 0.015, 0.03  # [m] between plate and belly or thighs, and from where it matters
+ABOVE = 0.015  # [m] between plate and belly or thighs
 UNDER, HOVER = 0.012, 0.04  # [m] of the plate over the pad, at least, and as it yields
 EASY, SOFT = 0.5, 0.0015  # of the force limit, from which the plate is lower, and by how much [m/N]
 # [m] from hand to robot, from where it lifts more slowly, and how much more.
@@ -273,9 +274,8 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
 
     def _over_lap(self) -> float:
         """Return how low the plate goes over belly and thighs [m]."""
-        task, apart = self._task, self._task.world.separation
-        gap = apart(task.cradle_body, task.recipient.body, within=NEARBY, links=(-1, -1))
-        return float(task.seat_pose().position[2]) + ABOVE - gap if gap < NEARBY else -math.inf
+        gap = self._task.state.lap_gap
+        return float(self._task.state.plate[2]) + ABOVE - gap if gap < LAP_SEEN else -math.inf
 
     def _hand_over_pad(self) -> float:
         """Return how high the hand is over the armrest that it would be caught at [m]."""

@@ -32,8 +32,7 @@ def can_bear(person: Human, limit: float) -> Feasibility:
         person: Whose arm.
         limit: Force with which the cradle may press [N].
     """
-    parts = (person.segments[f"left_{name}"] for name in ("shoulder", "elbow", "wrist"))
-    weight = GRAVITY * sum(part.mass for part in parts)
+    weight = arm_weight(person)
     if weight < limit:
         return FEASIBLE
     reason = (
@@ -41,6 +40,12 @@ def can_bear(person: Human, limit: float) -> Feasibility:
         f"with {limit:.0f} N at most"
     )
     return Feasibility(False, reason)
+
+
+def arm_weight(person: Human) -> float:
+    """Return what the left arm weighs, hand and all [N]."""
+    parts = (person.segments[f"left_{name}"] for name in ("shoulder", "elbow", "wrist"))
+    return GRAVITY * sum(part.mass for part in parts)
 
 
 def come_to_rest(task: Task, person: Human) -> None:

@@ -23,7 +23,16 @@ from ..care_env import CareEnv
 from ..devices import ArmCradle, Wheelchair, chair_for
 from ..rectangle import Rectangle
 from ..registry import register_policy, register_task
-from ..scenes.hanging_arm import LAID, SWING, can_bear, come_to_rest, gap_to, swing_out_of
+from ..scenes.hanging_arm import (
+    LAID,
+    SWING,
+    arm_weight,
+    can_bear,
+    come_to_rest,
+    gap_to,
+    swing_out_of,
+)
+from ..scenes.limb_repositioning_state import LAP_SEEN, LimbRepositioningState
 from ..scenes.start_posture import start_best
 from ..state import Seen, State, Values, degrees, tolerance, where
 from ..task import CHAIR_ROBOTS, STANDING_CAREGIVER, Role, Task
@@ -64,27 +73,6 @@ class LimbRepositioningOptions(TaskOptions):
 
     SHAPED_WEIGHTS = {"distance": 1.0, "reach": 0.3, "comfort": 0.3, "rest": 0.5}  # our own choice
     force_limit: float = FORCE_LIMIT
-
-
-@dataclass(frozen=True, eq=False)
-class LimbRepositioningState(State):
-    """What limb repositioning reads."""
-
-    elbow: Array  # where the left elbow is [m], shape [3]
-    wrist: Array  # likewise
-    target: Array  # where the middle of the forearm belongs, above the pad [m], shape [3]
-    gap: Array  # from the middle of the forearm to there [m], shape [3]
-    distance: float  # length of that [m]
-    hook: Array  # where the middle of the cradle's plate lifts the forearm [m], shape [3]
-    plate: Array  # where that is [m], shape [3]
-    plate_turn: Array  # how the plate is turned, a quaternion, shape [4]
-    plate_up: Array  # out of its top, a unit vector, shape [3]
-    plate_inward: Array  # to its tip, a unit vector, shape [3]
-    reach: float  # from plate to hook [m]
-    past_end: float  # how far the elbow is before the armrest's rear end [m]
-    pad_force: float  # how forearm and hand weigh on the pad [N]
-    beyond: float  # most that a joint was beyond its passive range [rad]
-    rested: float  # for how long the forearm has rested [s]
 
 
 @register_task("limb_repositioning")
@@ -218,9 +206,8 @@ class LimbRepositioning(Task):
             self.robot.set_posture(found.posture)
             self.cradle_body.set_base(self.robot.tool_pose() @ self.cradle.in_tool)
             self._see_arm()
-            is_clear = (
-                gap_to(self.chair, person, self._arm, LET_GO) >= 0 <= min(self._gaps()) - LET_GO
-            )
+            beside = gap_to(self.chair, person, self._arm, LET_GO)
+            is_clear = beside >= 0 and min(self._gaps()) >= LET_GO
             if is_clear and self._wrist[2] < pad and found.is_within(0.01, 0.1):
                 break
 
@@ -235,6 +222,9 @@ class LimbRepositioning(Task):
         lies = pad_force >= PAD_FORCE and distance <= TARGET_RADIUS * ease
         is_still = math.dist(last, middle) <= STILL * ease * self.control_dt
         rests = lies and is_still and min(self._gaps()) >= LET_GO
+        lap_gap = self.world.separation(
+            self.cradle_body, person.body, within=LAP_SEEN, links=(-1, -1)
+        )
         past = (0.0, 0.0) if before is None else (before.beyond, before.rested)
         return LimbRepositioningState(
             **vars(now),
@@ -250,6 +240,8 @@ class LimbRepositioning(Task):
             plate_inward=rotate(plate.quaternion, (0.0, 0.0, 1.0)),
             reach=math.dist(hook, plate.position),
             past_end=float(self._elbow[0] - self._rear),
+            lap_gap=min(lap_gap, LAP_SEEN),
+            arm_weight=arm_weight(person),
             pad_force=pad_force,
             beyond=max(past[0], beyond),
             rested=past[1] + self.control_dt if rests else 0.0,
@@ -285,6 +277,8 @@ class LimbRepositioning(Task):
             Seen("forearm_to_target", "m", 3, lambda s: s.gap),
             Seen("force_on_armrest", "N", 1, lambda s: s.pad_force),
             Seen("elbow_past_armrest", "m", 1, lambda s: s.past_end),
+            Seen("lap_gap", "m", 1, lambda s: s.lap_gap),
+            Seen("arm_weight", "N", 1, lambda s: s.arm_weight),
             self.contact_force(),
             self.time_left(),
         ]
