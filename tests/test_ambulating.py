@@ -101,6 +101,7 @@ def test_the_paper_rewards_rotation_of_handles_and_nearness_of_panels(scripted: 
         assert terms == {"rotation_angle": pytest.approx(0.0, abs=1e-3)}
 
 
+@pytest.mark.slow
 def test_a_door_of_a_house_is_worked_where_a_chair_has_room() -> None:
     env = rcare_marl.make("ambulating", home="house_07", level=3, policies=BOTH)
     task = run(env, 0)
@@ -224,6 +225,7 @@ def test_every_house_has_room_before_a_door_at_every_level() -> None:
     env.close()
 
 
+@pytest.mark.slow
 def test_a_door_of_a_house_is_worked_from_its_other_side_where_only_that_has_room() -> None:
     env = rcare_marl.make("ambulating", home="house_09", level=1, policies=BOTH)
     task = run(env, 0)

@@ -240,6 +240,7 @@ def test_options_are_checked() -> None:
         rcare_marl.make("bathing", options={"least_coverage": 2})
 
 
+@pytest.mark.slow
 def test_bathing_finds_a_room_in_a_house() -> None:
     env = rcare_marl.make("bathing", home="house_01", level=3, policies=BOTH)
     assert run(env, 0).succeeded()

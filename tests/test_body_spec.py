@@ -51,6 +51,7 @@ def test_anybody_has_their_stature_and_mass(sex: str, age: int, height: float, m
     assert np.isfinite(body.mesh.vertices).all()
 
 
+@pytest.mark.slow
 def test_girths_and_proportions_are_those_wanted() -> None:
     wanted = {"waist": 0.94, "hips": 1.02, "chest": 1.06, "thigh": 0.625, "upper_arm": 0.34}
     spec = BodySpec(girths=wanted, proportions={"forearm": 1.06})

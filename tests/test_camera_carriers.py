@@ -73,6 +73,7 @@ def test_points_follow_a_base_that_drives() -> None:
     world.close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("backend", [pytest.param("gl", marks=pytest.mark.needs_gl), "software"])
 def test_pictures_of_people_do_not_depend_on_what_was_seen_before(
     backend: str, monkeypatch: pytest.MonkeyPatch

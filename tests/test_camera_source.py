@@ -97,6 +97,7 @@ def off_deg(found: Array, wanted: Array) -> dict[str, float]:
     return {part: float(np.degrees(np.arccos(np.clip(a[part] @ b[part], -1, 1)))) for part in b}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", every(2, exercise_names()))
 def test_arms_head_and_trunk_are_within_6_degrees_on_the_way(name: str) -> None:
     wearer, path = Wearer(careless=0.03), load_exercise(name).path()

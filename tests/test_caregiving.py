@@ -313,6 +313,7 @@ class Room:
         return np.array(rows)
 
 
+@pytest.mark.slow
 def test_a_caregiver_walks_up_lifts_an_arm_and_lays_it_back_bit_for_bit_the_same() -> None:
     room = Room()
     rows = room.episode()

@@ -145,6 +145,7 @@ def test_evaluate_takes_role_policies_and_options_and_writes_a_file(tmp_path: Pa
     assert [path.name for path in file.parent.iterdir()] == ["result.json"]
 
 
+@pytest.mark.slow
 def test_evaluate_takes_a_place_and_records_it() -> None:
     place = {"home": "house_03", "level": 2, "room": "living_1"}
     given = [text for name, value in place.items() for text in (f"--{name}", str(value))]
@@ -208,6 +209,7 @@ def test_debug_lets_the_error_through() -> None:
     assert isinstance(result.exception, rcare_marl.errors.UnknownNameError)
 
 
+@pytest.mark.slow
 def test_demo_leaves_three_whole_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("rcare_marl.rendering.film.SIZE", (320, 240))
     monkeypatch.setitem(demonstration.MEAL, "options", {"bites": 1})
@@ -229,6 +231,7 @@ def test_demo_leaves_three_whole_files(tmp_path: Path, monkeypatch: pytest.Monke
     assert iio.imread(folder / "feeding.png").shape[0] > 1000
 
 
+@pytest.mark.slow
 def test_demos_are_numbered(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     for _ in range(2):

@@ -264,6 +264,7 @@ def test_the_printed_address_opens_the_page_and_interrupting_ends_it_well(tmp_pa
 
 
 @needs_openssl
+@pytest.mark.slow
 def test_over_https_page_and_sessions_are_reached_by_who_trusts_the_certificate(
     tmp_path: Path,
 ) -> None:

@@ -123,6 +123,7 @@ def test_arms_that_are_held_bent_are_not_measured() -> None:
     assert calibration.fit is None and calibration.trouble
 
 
+@pytest.mark.slow
 def test_who_does_not_follow_goes_on_without_measures_in_the_end() -> None:
     calibration = Calibration(1.7)
     for k in range(int((MOST_AGAIN + 2) * 10 * RATE)):
@@ -239,6 +240,7 @@ def test_a_calibration_of_arms_that_hardly_rise_is_refused() -> None:
         Room().receive(begin, 0.0)
 
 
+@pytest.mark.slow
 def test_who_was_measured_stays_so_when_centred_anew() -> None:
     room = Room()
     room.receive(Begin("simulated", 1.7, ("lateral_raise",), measure=True, repetitions=9), 0.0)

@@ -157,6 +157,7 @@ def test_goals_are_no_higher_than_what_the_person_says_they_reach() -> None:
         )
 
 
+@pytest.mark.slow
 def test_a_pause_is_no_standing_still_and_the_coach_waits() -> None:
     room = Room()
     room.receive(simulated(), 0.0)
@@ -305,6 +306,7 @@ def test_the_page_offers_exercises_of_ones_own(tmp_path: Path) -> None:
         room.receive(simulated(exercises=("front_raise",)), 5.0)
 
 
+@pytest.mark.slow
 def test_consent_is_for_one_session_and_the_next_leaves_what_was_kept_alone(tmp_path: Path) -> None:
     pytest.importorskip("h5py", reason="recordings need the extra 'coach'")
     recorder = Recorder(tmp_path)

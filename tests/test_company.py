@@ -36,6 +36,7 @@ def played(env: CareEnv, seed: int) -> list[np.ndarray[Any, Any]]:
     return out
 
 
+@pytest.mark.slow
 def test_the_same_seed_is_the_same_episode_of_the_same_person(six: CareEnv) -> None:
     first, name = played(six, 1), six.cast["recipient"].describe()["avatar"]
     other = played(six, 2)

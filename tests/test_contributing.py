@@ -7,9 +7,12 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 PAGE = Path(__file__).parents[1] / "CONTRIBUTING.md"
 
 
+@pytest.mark.slow
 def test_the_task_shown_runs_in_a_house_and_its_script_succeeds(tmp_path: Path) -> None:
     page = PAGE.read_text(encoding="utf-8")
     (code,) = re.findall(r"```python\n((?:(?!```).)*register_task.*?)```", page, re.DOTALL)

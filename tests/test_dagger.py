@@ -81,6 +81,7 @@ def test_with_a_memory_it_does_what_the_teacher_does_where_the_present_does_not_
     assert taught(memory=0) < 0.85
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("task", "recipient", "told"),
     [  # on offer or not, and three flags of a beat

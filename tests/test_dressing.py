@@ -119,6 +119,7 @@ def knee(task: Dressing) -> float:
     return float(task.leg.points[1, 2])
 
 
+@pytest.mark.slow
 def test_the_caregiver_lifts_the_leg_and_the_robot_pulls_the_shorts_over_the_knee(
     played: Played,
 ) -> None:
@@ -226,6 +227,7 @@ def test_rewards_are_named_and_a_failure_costs_what_is_left(free: CareEnv) -> No
         task.options = usual
 
 
+@pytest.mark.slow
 def test_who_cannot_be_dressed_is_refused_by_name() -> None:
     with pytest.raises(ConfigError, match="moves nothing"):
         rcare_marl.make("dressing", recipient={"model": "daniel", "movable": []})

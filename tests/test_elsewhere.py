@@ -119,6 +119,7 @@ def test_what_was_measured_is_of_what_there_is() -> None:
                     assert value in known[key]
 
 
+@pytest.mark.slow
 def test_a_robot_that_a_script_does_badly_with_is_refused_with_the_figure() -> None:
     task, robot = "limb_repositioning", "pr2"
     (row,) = elsewhere.of_script(task, robot)

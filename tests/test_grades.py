@@ -95,6 +95,7 @@ def test_a_joint_alone_moves_as_in_the_physics_engine(kind: Kind) -> None:
     assert found[-1] > 1.0
 
 
+@pytest.mark.slow
 def test_the_checks_say_what_is_fitted_and_what_is_held_out(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

@@ -119,6 +119,7 @@ def check_cover(made: Piece, most: int) -> None:
     assert all(f"handle_{joint}" in made.frames for joint in made.model.joints), made.kind
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("level", few(LEVELS, 2, 3))
 def test_a_hand_opens_everything_and_closes_it_again(level: int) -> None:
     world, pieces = furnished(level)

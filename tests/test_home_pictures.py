@@ -42,6 +42,7 @@ def call(*arguments: str, code: int = 0) -> Any:
 # --- plans
 
 
+@pytest.mark.slow
 def test_plan_names_every_room_and_stays_within_its_frame(home: CareHome) -> None:
     (axes,) = floor_plan.figure(home).axes
     texts = " ".join(text.get_text() for text in axes.texts)

@@ -69,6 +69,7 @@ def test_five_newtons_are_pressed_on_what_is_stiff_and_what_is_soft(
 
 
 @both
+@pytest.mark.slow
 def test_five_newtons_are_pressed_on_flesh_that_yields(mode: str) -> None:
     world = World()
     person = Human(

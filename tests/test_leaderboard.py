@@ -55,6 +55,7 @@ def entry(record: Data, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Entr
     return write
 
 
+@pytest.mark.slow
 def test_a_protocol_counts_each_row_and_says_which_a_task_has_not(record: Data) -> None:
     found = record["policies"]["scripted"]
     assert record["complete"]

@@ -59,6 +59,7 @@ def test_a_tired_learner_begins_tired_and_one_of_several_kinds_is_drawn_by_the_s
     assert found[0] == found[-1] and len({tired > 0 for tired in found}) == 2
 
 
+@pytest.mark.slow
 def test_a_sore_shoulder_hurts_when_it_is_raised_and_the_coach_is_told() -> None:
     env, pain = lesson(learners=["in_pain"]), [0.0]
     env.reset(seed=3)

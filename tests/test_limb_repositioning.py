@@ -135,6 +135,7 @@ def test_pressing_too_hard_fails_and_is_charged_to_the_end() -> None:
     env.close()
 
 
+@pytest.mark.slow
 def test_an_arm_that_weighs_more_than_may_press_is_infeasible_and_told_with_the_reason() -> None:
     policies = {"robot": "still", "recipient": "still"}
     options = {"force_limit": 25.0}  # Jose's arm weighs 31 N

@@ -105,6 +105,7 @@ def test_a_batch_without_mujoco_says_what_to_install(monkeypatch: pytest.MonkeyP
     rcare_marl.make_batch("toileting", num_envs=1, engine="bullet").close()
 
 
+@pytest.mark.slow
 def test_neither_the_package_nor_a_vector_environment_loads_torch() -> None:
     code = (
         "import sys, rcare_marl; assert 'rcare_marl.envs' not in sys.modules;"

@@ -274,6 +274,7 @@ def test_markers_lie_on_the_skin_and_not_in_it(seated: tuple[World, Human, list[
         assert -0.004 < depth_below(person, world, marker) < 0.0, marker.config.on
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("posture", ["wheelchair", "standing"])
 def test_nobodys_skin_lies_over_a_marker_that_found_its_own_place(posture: str) -> None:
     for name in assets.names("avatars"):

@@ -114,6 +114,7 @@ def test_links_that_can_meet_are_not_ignored() -> None:
     assert pair("base_link", "end_effector_link") not in everything
 
 
+@pytest.mark.slow
 def test_a_task_comes_with_its_person_as_a_planning_scene(tmp_path: Path) -> None:
     out = tmp_path / "package"
     result = CliRunner().invoke(app, ["export", "feeding", "--format", "moveit", "--out", str(out)])

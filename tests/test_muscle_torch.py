@@ -205,6 +205,7 @@ class _Step(torch.nn.Module):
         return step(*args)[0]
 
 
+@pytest.mark.slow
 def test_excitations_can_be_learned_by_gradient() -> None:
     muscles, ranges = model(movable=ARM)
     ours = TorchMuscles(muscles)

@@ -110,6 +110,7 @@ def check_stable(
     world.close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "posture", "tendon"),
     [
@@ -196,6 +197,7 @@ def test_daniel_bends_the_elbow_but_cannot_strongly_extend_it() -> None:
     assert turned(healthy(), "elbow_extensors", 30.0) < -0.3  # which a healthy person resists
 
 
+@pytest.mark.slow
 def test_jose_moves_nothing_below_the_neck() -> None:
     world, person = spawned("jose", "wheelchair")
     units = drive_of(person).model.units
@@ -210,6 +212,7 @@ def test_jose_moves_nothing_below_the_neck() -> None:
             assert angle < 0.02, dof
 
 
+@pytest.mark.slow
 def test_karans_right_arm_lifts_and_his_left_does_not() -> None:
     risen = {}
     for side in ("left", "right"):

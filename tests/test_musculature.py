@@ -121,6 +121,7 @@ def test_strength_is_the_published_one_times_the_stated_factor() -> None:
             assert "lopt x" in row["calibration"]
 
 
+@pytest.mark.slow
 def test_every_joint_but_the_eyes_is_crossed() -> None:
     arms = all_moment_arms(load_musculature(), np.zeros(len(DOFS)))
     for joint in JOINTS[1:]:
@@ -133,6 +134,7 @@ def test_every_clinical_group_has_units_but_the_eyes() -> None:
     assert graded == set(clinical_norms().groups) - {"eyes"}
 
 
+@pytest.mark.slow
 def test_units_do_what_their_clinical_group_says() -> None:
     """Prime movers, arms at the side and elbows bent: the moment arm has the sign of the motion."""
     angles = np.zeros(len(DOFS))
@@ -331,6 +333,7 @@ def test_muscles_of_every_avatar_pull_as_those_of_the_reference(name: str) -> No
         assert (new[large] / old[large] > 0.5).all(), band.name
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", (None, *assets.names("avatars")))
 def test_fibres_work_near_their_optimal_length(name: str | None) -> None:
     """Random postures within the normal range: 97 % of fibre lengths are 0.4 to 1.6 of the optimum."""

@@ -69,6 +69,7 @@ def test_items_count_in_order_once_a_second_and_what_was_earned_stays() -> None:
     assert sheet.total == 0 and sheet.stage == 0
 
 
+@pytest.mark.slow
 def test_the_scripted_robot_takes_dips_and_brings_the_sponge(scripted: CareEnv) -> None:
     scripted.reset(seed=0)
     task, paid, in_the_air = task_of(scripted), 0.0, 0
@@ -275,6 +276,7 @@ def test_the_same_seed_gives_the_same_episode(scripted: CareEnv) -> None:
     assert ends[0] == ends[1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("steps", few((100, 300), 100))
 def test_random_actions_leave_all_finite(steps: int) -> None:
     env = rcare_marl.make("phyrc_bathing", options={"force_limit": 1e6})

@@ -103,6 +103,7 @@ def test_a_shoulder_not_reached_keeps_nothing_else_back() -> None:
     assert sheet.points == {"a": 5, "loose": 0, "last": 4} and sheet.stage == 2
 
 
+@pytest.mark.slow
 def test_the_gown_hangs_on_its_stand_and_earns_nothing_by_itself() -> None:
     env = rcare_marl.make("phyrc_dressing", policies={"recipient": "still"})
     env.reset(seed=0)
@@ -118,6 +119,7 @@ def test_the_gown_hangs_on_its_stand_and_earns_nothing_by_itself() -> None:
     env.close()
 
 
+@pytest.mark.slow
 def test_the_scripted_robot_pulls_the_sleeve_to_the_shoulder(scripted: CareEnv) -> None:
     scripted.reset(seed=6)
     task = task_of(scripted)
@@ -132,6 +134,7 @@ def test_the_scripted_robot_pulls_the_sleeve_to_the_shoulder(scripted: CareEnv) 
     assert not task.succeeded()  # that is told at the end
 
 
+@pytest.mark.slow
 def test_a_sleeve_is_pulled_the_slower_the_more_it_presses(scripted: CareEnv) -> None:
     scripted.reset(seed=6)
     task = task_of(scripted)

@@ -44,6 +44,7 @@ def test_what_is_borne_elsewhere_is_not_on_the_pads() -> None:
     assert 0.75 < share < 0.87  # without shanks, feet, forearms and hands
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cell", [0.003, 0.0075])
 def test_peaks_do_not_depend_on_the_grid(cell: float) -> None:
     body = sitting()

@@ -127,6 +127,7 @@ def test_success_without_exception_is_no_certainty() -> None:
     assert low == 0.0 and high == pytest.approx(0.2775, abs=1e-4)
 
 
+@pytest.mark.slow
 def test_every_policy_meets_the_same_seeds(record: Record) -> None:
     for run in record.runs:
         assert [episode.seed for episode in run.episodes] == [SEED, SEED + 1]

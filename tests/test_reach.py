@@ -42,6 +42,7 @@ def test_a_robot_that_would_stand_in_somebody_starts_elsewhere(
     env.close()
 
 
+@pytest.mark.slow
 def test_a_robot_that_misses_an_end_of_the_arm_from_wherever_it_may_stand_is_refused() -> None:
     with pytest.raises(ConfigError, match="pepper has no arm that reaches .* it misses it by"):
         rcare_marl.make("bathing", robot="pepper", recipient="morgan")
@@ -76,6 +77,7 @@ def test_a_place_inside_a_person_is_refused_as_such() -> None:
     env.close()
 
 
+@pytest.mark.slow
 def test_of_places_near_by_the_most_manipulable_is_taken() -> None:
     env = rcare_marl.make("bathing", robot="pr2", recipient="morgan")
     robot = env.cast["robot"]

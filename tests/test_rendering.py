@@ -341,6 +341,7 @@ def test_collada_is_read_with_transforms_and_colours(tmp_path: Any) -> None:
         read_collada(file)
 
 
+@pytest.mark.slow
 @pytest.mark.needs_gl
 def test_triton_is_loaded_before_opengl_where_it_is_installed(tmp_path: Path) -> None:
     seen = "from rcare_marl.rendering.gl_target import _OPENED_BY\nopened = list(_OPENED_BY)\n"

@@ -214,6 +214,7 @@ def test_several_robots_are_agents_of_their_own() -> None:
     env.close()
 
 
+@pytest.mark.slow
 def test_a_driving_robot_is_stopped_by_the_wheelchair() -> None:
     env = rcare_marl.make(
         "feeding",

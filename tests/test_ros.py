@@ -81,6 +81,7 @@ def robot() -> Iterator[None]:
     assert "Traceback" not in said, said
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("robot")
 def test_a_robot_tells_all_that_it_senses() -> None:
     got: dict[str, Any] = json.loads(run("ros_probe.py", SPACE).splitlines()[-1])
@@ -116,6 +117,7 @@ def test_what_is_told_is_recorded_for_tools_that_are_not_ours(tmp_path: Path) ->
     assert counts[f"{SPACE}/joint_states"] > 5 * counts[f"{SPACE}/scene"] > 75
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("robot")
 def test_a_client_that_is_not_ours_opens_the_gripper() -> None:
     said = run("ros_gripper.py", f"{SPACE}/gripper_controller/gripper_cmd", str(OPENED))

@@ -61,6 +61,7 @@ def test_it_itches_near_where_the_person_says() -> None:
     env.close()
 
 
+@pytest.mark.slow
 def test_it_itches_where_no_thumb_is_in_the_way() -> None:
     env = made("natalia", options={"site": "hand"})  # hers is up: the hand's top lies under it
     play(env, 0)
@@ -77,6 +78,7 @@ def test_who_says_no_is_not_scratched() -> None:
     env.close()
 
 
+@pytest.mark.slow
 def test_a_cheek_that_is_turned_away_is_offered_to_until_the_third_no() -> None:
     env = made("natalia", partner="refusing", options={"site": "cheek"})
     play(env, 0)
@@ -86,6 +88,7 @@ def test_a_cheek_that_is_turned_away_is_offered_to_until_the_third_no() -> None:
     env.close()
 
 
+@pytest.mark.slow
 def test_a_robot_that_reaches_no_itch_is_refused_by_name() -> None:
     with pytest.raises(ConfigError, match="fetch"):
         made(robot="fetch", options={"site": "forearm"})

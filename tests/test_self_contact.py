@@ -100,6 +100,7 @@ def test_flung_arms_move_alike_after_other_episodes_and_in_a_fresh_world() -> No
     fresh.close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("posture", assets.names("postures"))
 def test_nobody_begins_inside_themselves(posture: str) -> None:
     for name in assets.names("avatars"):

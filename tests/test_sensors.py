@@ -143,6 +143,7 @@ def test_a_level_scanner_sees_a_corner_from_right_to_left() -> None:
     assert scene.read("proximity", "distance") == pytest.approx(wanted, abs=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", every(2, assets.names("robots")))
 def test_every_robot_can_have_every_sensor(name: str) -> None:
     config, world = load_robot(name), World()

@@ -264,6 +264,7 @@ def test_leaving_exercises_undone_is_a_failure(led: CareEnv) -> None:
     assert led.task.failed()
 
 
+@pytest.mark.slow
 def test_a_random_coach_does_not_get_a_repetition_in_half_a_minute() -> None:
     env = make(policies={**PARTNERS, "robot": "random"})
     env.reset(seed=0)

@@ -31,6 +31,7 @@ def place_of(env: CareEnv) -> HomePlace:
     return env.task.place
 
 
+@pytest.mark.slow
 def test_people_robots_and_house_keep_clear_of_each_other(env: CareEnv) -> None:
     assert place_of(env).home_room.kind in type(env.task).room_kinds
     env.reset(seed=0)

@@ -218,6 +218,7 @@ def test_a_tracked_hand_leads_the_tool_from_where_its_clutch_closed() -> None:
     stage.close()
 
 
+@pytest.mark.slow
 def test_an_arm_follows_a_tracked_hand_as_far_as_its_active_range_goes() -> None:
     stage = Stage(Scenario("dressing", ["caregiver"]))
     body = stage.seen("caregiver")["body"]

@@ -65,6 +65,7 @@ def test_who_is_heavy_or_bent_has_all_teeth_brushed(who: int) -> None:
     env.close()
 
 
+@pytest.mark.slow
 def test_who_only_lets_it_happen_opens_a_little_and_has_all_teeth_brushed() -> None:
     env = made("daniel", "passive")
     play(env, 1)

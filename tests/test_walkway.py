@@ -94,6 +94,7 @@ def test_no_corner_of_a_way_is_cut() -> None:
     world.close()
 
 
+@pytest.mark.slow
 def test_a_walk_goes_another_way_when_something_is_moved_into_it() -> None:
     world, (table,) = room((0.3, 2.5))
     person, caregiving = walker(world)

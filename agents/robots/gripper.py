@@ -13,7 +13,7 @@ import numpy as np
 from rcare_marl.attachment import Attachment
 from rcare_marl.body import Body
 from rcare_marl.errors import ConfigError, check_name
-from rcare_marl.model.urdf import Model, joint_pose
+from rcare_marl.model.urdf import Joint, Model, joint_pose
 from rcare_marl.pose import Pose
 from rcare_marl.world import World
 
@@ -77,6 +77,7 @@ class Gripper:
         for name, joint in model.joints.items():
             if joint.follows is not None and joint.follows.joint == config.joint:
                 self.joints[name] = (joint.follows.multiplier, joint.follows.offset)
+        self._chain = self._way_to_the_fingers()
         self._indices: list[int] = []
         self.start = config.opened if width is None else self.position_for(width)
         self.target = self.start
@@ -94,7 +95,7 @@ class Gripper:
         """Return the gap between the pads when the driven joint is at `position` [m]."""
         positions = self.positions(position)
         poses = {self._model.root: Pose()}
-        for name, joint in self._model.joints.items():
+        for name, joint in self._chain.items():
             poses[joint.child] = poses[joint.parent] @ joint_pose(joint, positions.get(name, 0.0))
         first, second = (
             np.asarray((poses[link] @ Pose(pad)).position)
@@ -103,6 +104,14 @@ class Gripper:
             )
         )
         return float(np.linalg.norm(first - second))
+
+    def _way_to_the_fingers(self) -> dict[str, Joint]:
+        """Return the joints from the root to the fingers by name, the nearest to the root first."""
+        before, joints = set(self.config.fingers), self._model.joints
+        for joint in reversed(joints.values()):
+            if joint.child in before:
+                before.add(joint.parent)
+        return {name: joint for name, joint in joints.items() if joint.child in before}
 
     def position_for(self, width: float) -> float:
         """Return where the driven joint leaves a gap of `width` [m], by bisection [rad or m].
