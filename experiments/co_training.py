@@ -8,6 +8,11 @@ Scenarios, each with a config in `experiments/configs/co_training`:
     p  population        as a, with trees of three temperaments, five individuals
     d  three_learn       dressing; robot, recipient and caregiver learn
     m  muscle_recipient  the recipient learns through muscles, fed by the scripted robot
+    e  bodies            as a, through the view of everybody, with another body in each episode
+    f  bodies_and_trees  as e, with trees of three temperaments, five individuals
+    g  together_bodies   robot and recipient learn together, with another body in each episode
+    h  together_muscles  as g, through muscles
+    k  bodies_and_learners  as f, and with recipients who learned in two trainings of g
     without_<avatar>     as a, with the five other avatars in turn
 
 Run everything, side by side, and see what came of it (docs/co_training.md):
@@ -38,7 +43,13 @@ from typing import Any
 
 from rcare_marl.baselines.evaluation.cross_play import cross_play
 from rcare_marl.baselines.evaluation.evaluate import evaluate
-from rcare_marl.baselines.partners import Partner, learned_partner, partner_zoo
+from rcare_marl.baselines.evaluation.matrix import MatrixPlan, run_matrix
+from rcare_marl.baselines.partners import (
+    TEMPERAMENTS,
+    Partner,
+    learned_partner,
+    partner_zoo,
+)
 from rcare_marl.config import read_yaml
 from rcare_marl.provenance import versions
 
@@ -50,9 +61,17 @@ SCENARIOS = {
     "p": "population",
     "d": "three_learn",
     "m": "muscle_recipient",
+    "e": "bodies",
+    "f": "bodies_and_trees",
+    "g": "together_bodies",
+    "h": "together_muscles",
+    "k": "bodies_and_learners",
 }
-SEEDS = {"a": 5, "b": 3, "c": 5, "p": 3, "d": 2, "m": 2}
+SEEDS = {"a": 5, "b": 3, "c": 5, "p": 3, "d": 2, "m": 2, "e": 3, "f": 3, "g": 3, "h": 2, "k": 2}
+TEACHERS = ("g_10", "g_11")  # whose recipients the robots of k meet, and nobody else does
 HELD_OUT_SEEDS = 2  # of the trainings without an avatar
+BODIES = ("e_", "f_", "g_", "h_", "k_")  # with another body in each episode
+STRANGERS, STRANGERS_FROM = "population:test:0-29", 65800  # and the first seed
 TASK, ROLE = "feeding", "recipient"
 OPTIONS = {"reward": "paper"}
 AVATARS = ("daniel", "jose", "karan", "kim", "morgan", "natalia")
@@ -79,10 +98,13 @@ class Run:
         """Name of its folder and files."""
         return f"{self.scenario}_{self.seed}"
 
-    def config(self, minutes: float | None) -> dict[str, Any]:
-        """Return the fields of its `TrainConfig`."""
+    def config(self, minutes: float | None, out: Path) -> dict[str, Any]:
+        """Return the fields of its `TrainConfig`; `out` is where the policies of others lie."""
         if self.scenario in SCENARIOS:
             fields = read_yaml(CONFIGS / f"{SCENARIOS[self.scenario]}.yaml")
+            if self.scenario == "k":
+                learned = (out / "policies" / f"{name}_recipients.npz" for name in TEACHERS)
+                fields["partners"][ROLE] += [str(file.resolve()) for file in learned]
         else:
             held_out = self.scenario.removeprefix("without_")
             if held_out not in AVATARS:
@@ -96,7 +118,7 @@ class Run:
 
 def plan(scenarios: Sequence[str]) -> list[Run]:
     """Return the trainings of some scenarios, all if there are none; the slowest first."""
-    runs = [Run(letter, seed) for letter in "dcbmpa" for seed in range(SEEDS[letter])]
+    runs = [Run(letter, seed) for letter in "hgkdcbmpefa" for seed in range(SEEDS[letter])]
     runs += [Run(f"without_{a}", seed) for seed in range(HELD_OUT_SEEDS) for a in AVATARS]
     return [run for run in runs if not scenarios or run.scenario in scenarios]
 
@@ -106,7 +128,7 @@ def train(run: Run, out: Path, minutes: float | None, steps: int | None = None) 
     from rcare_marl.baselines.training.config import load_config
     from rcare_marl.baselines.training.trainer import Trainer
 
-    fields = run.config(minutes)
+    fields = run.config(minutes, out)
     if steps is not None:
         fields["steps"] = steps
     config = load_config(fields)
@@ -238,6 +260,24 @@ def _meet(
     _say(found.table())
 
 
+def meet_strangers(out: Path, processes: int) -> None:
+    """Let the robots of e to k meet bodies and partners that nobody met in training, one episode each."""
+    files = sorted((out / "policies").glob("g_?_recipients.npz"))
+    names = {**{mood: mood for mood in TEMPERAMENTS}, **{str(f): f.stem[:3] for f in files}}
+    over = {"people": (STRANGERS,), "partners": tuple(names)}
+    found: dict[str, dict[str, list[tuple[bool, float]]]] = {}
+    for robot, policy in {**robots(out, *BODIES), "scripted": "scripted"}.items():
+        plan = MatrixPlan(TASK, over, policy, options=OPTIONS, episodes=1, seed=STRANGERS_FROM)
+        found[robot] = {name: [] for name in names.values()}
+        for outcome in run_matrix(plan, processes=processes).outcomes:
+            if outcome.result is None:
+                raise SystemExit(f"{robot}: {outcome.reason}")
+            met = found[robot][names[outcome.cell.values()["partners"]]]
+            met += [(e.success, e.metrics["peak_force_n"]) for e in outcome.result.episodes]
+        _say(f"{robot}: { ({k: sum(s for s, _ in v) for k, v in found[robot].items()}) }")
+    _write(out / "records" / "strangers.json", {"found": found, "versions": versions()})
+
+
 def dress(out: Path, processes: int, episodes: int) -> None:
     """Let each learned role of scenario d play with learned and with scripted others."""
     groups = {"robot": "robots", "recipient": "recipients", "caregiver": "caregivers"}
@@ -285,8 +325,8 @@ def main() -> None:
     )
     parser.add_argument(
         "command",
-        choices="all train train-all evaluate cross-play leave-one-out dressing report".split(),
-        help="what to do; all is train-all and evaluate, which is the next three",
+        choices="all train train-all evaluate cross-play leave-one-out strangers dressing report".split(),
+        help="what to do; all is train-all and evaluate, which is the next four",
     )
     parser.add_argument("--scenario", action="append", default=[], help="of the trainings; all")
     parser.add_argument("--seed", type=int, default=0, help="of `train`")
@@ -312,6 +352,8 @@ def main() -> None:
         play_all(out, given.processes, given.episodes)
     if given.command in ("all", "evaluate", "leave-one-out"):
         leave_one_out(out, given.processes, given.episodes)
+    if given.command in ("all", "evaluate", "strangers"):
+        meet_strangers(out, given.processes)
     if given.command in ("all", "evaluate", "dressing"):
         dress(out, given.processes, given.dressings)
     if given.command == "report":

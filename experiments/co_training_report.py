@@ -33,7 +33,13 @@ WHO = {
     "p": "robot; trees of five individuals",
     "d": "robot, recipient, caregiver (dressing)",
     "m": "recipient through muscles; scripted robot",
+    "e": "robot; a tree, another body each time",
+    "f": "robot; trees of five individuals, another body each time",
+    "g": "robot and recipient, another body each time",
+    "h": "robot and recipient through muscles, another body each time",
+    "k": "robot; trees of three individuals and two learners of (g), another body each time",
 }
+BODIES = "efgkh"
 COLOURS = {letter: PALETTE[k] for letter, k in zip("acmpb", range(5), strict=True)}
 RESAMPLES, BIG_PICTURE = 5000, ("co_training_cross_play", "co_training_leave_one_out")
 CURVES = "co_training_curves"
@@ -46,8 +52,20 @@ def report(out: Path, docs: Path | None) -> str:
         out: Folder of the experiment.
         docs: The page to fill in; none if None.
     """
-    parts = {"trainings": _trainings(out)}
     records = out / "records"
+    trained = sorted(records.glob("train_*.json"))
+    bodies = [file for file in trained if file.stem.split("_")[1] in BODIES]
+    parts = {}
+    for name, files in (
+        ("trainings", [file for file in trained if file not in bodies]),
+        ("trainings_bodies", bodies),
+    ):
+        if files:
+            parts[name] = _trainings(files)
+    if (records / "strangers.json").is_file():
+        parts["strangers"] = _strangers(
+            json.loads((records / "strangers.json").read_text())["found"]
+        )
     if (records / "cross_play.json").is_file():
         found = CrossPlay.read(records / "cross_play.json")
         parts |= _pairs(found)
@@ -84,10 +102,10 @@ def _fill_in(page: Path, parts: Mapping[str, str]) -> None:
     page.write_text(text, encoding="utf-8")
 
 
-def _trainings(out: Path) -> str:
+def _trainings(files: Sequence[Path]) -> str:
     """Return what was trained, how long, and how well it does with its own partner."""
     rows = []
-    for file in sorted((out / "records").glob("train_*.json")):
+    for file in files:
         record = json.loads(file.read_text())
         letter = record["run"].split("_")[0]
         who = "robot; tree of five avatars" if letter == "without" else WHO[letter]
@@ -97,6 +115,39 @@ def _trainings(out: Path) -> str:
         rows.append((record["run"], who, config["algo"].upper(), *spent, success))
     head = ("training", "who learns; with whom", "algorithm", "steps", "minutes")
     return markdown_table((*head, "success at its best [%]"), rows)
+
+
+def _strangers(found: Mapping[str, Mapping[str, Sequence[tuple[bool, float]]]]) -> str:
+    """Return success with bodies and partners that nobody met in training, and what (e) is bettered by."""
+    rows, sides = [], {}
+    learners = [name for name in found["scripted"] if name not in TEMPERAMENTS]
+    for letter in (*BODIES, "scripted"):
+        runs = [name for name in found if name == letter or name.startswith(f"{letter}_")]
+        if not runs:
+            continue
+        cells = [f"({letter}) {WHO[letter]}" if letter in WHO else letter, str(len(runs))]
+        for partners in (*([mood] for mood in TEMPERAMENTS), TEMPERAMENTS, learners):
+            met = [[e for p in partners if p != run for e in found[run][p]] for run in runs]
+            done = [[float(success) for success, _ in episodes] for episodes in met]
+            low, high = hierarchical_interval(done)
+            mean = 100 * np.mean([np.mean(each) for each in done])
+            most = max(force for episodes in met for _, force in episodes)
+            cells.append(f"{mean:.0f} ({100 * low:.0f} to {100 * high:.0f}), {most:.0f} N")
+            if partners is TEMPERAMENTS:
+                sides[letter] = done
+        rows.append(cells)
+    head = ("robot; with whom", "runs", *TEMPERAMENTS, "all four", "learners of (g), never met")
+    said = [_gain(sides[letter], sides["e"], letter) for letter in BODIES[1:] if letter in sides]
+    return "\n\n".join((markdown_table(head, rows), " ".join(said)))
+
+
+def _gain(new: Sequence[Sequence[float]], old: Sequence[Sequence[float]], letter: str) -> str:
+    """Return in words what a scenario gains on (e)."""
+    rng = np.random.default_rng(0)
+    draws = 100 * (_resampled(new, rng) - _resampled(old, rng))
+    low, high = np.percentile(draws, (2.5, 97.5))
+    gain = 100 * (np.mean(new) - np.mean(old))
+    return f"({letter}) less (e), all four: {gain:+.1f} points ({low:+.1f} to {high:+.1f})."
 
 
 def _runs(found: CrossPlay, letter: str) -> list[str]:
