@@ -12,7 +12,7 @@ Scenarios, each with a config in `experiments/configs/co_training`:
     f  bodies_and_trees  as e, with trees of three temperaments, five individuals
     g  together_bodies   robot and recipient learn together, with another body in each episode
     h  together_muscles  as g, through muscles
-    k  bodies_and_learners  as f, and with recipients who learned in two trainings of g
+    k  bodies_and_learners  as e, with three trees and recipients who learned in two trainings of g
     without_<avatar>     as a, with the five other avatars in turn
 
 Run everything, side by side, and see what came of it (docs/co_training.md):
@@ -71,7 +71,7 @@ SEEDS = {"a": 5, "b": 3, "c": 5, "p": 3, "d": 2, "m": 2, "e": 3, "f": 3, "g": 3,
 TEACHERS = ("g_10", "g_11")  # whose recipients the robots of k meet, and nobody else does
 HELD_OUT_SEEDS = 2  # of the trainings without an avatar
 BODIES = ("e_", "f_", "g_", "h_", "k_")  # with another body in each episode
-STRANGERS, STRANGERS_FROM = "population:test:0-29", 65800  # and the first seed
+STRANGERS, STRANGERS_FROM = "population:test:0-9", 65800  # and the first seed
 TASK, ROLE = "feeding", "recipient"
 OPTIONS = {"reward": "paper"}
 AVATARS = ("daniel", "jose", "karan", "kim", "morgan", "natalia")

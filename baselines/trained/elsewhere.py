@@ -90,16 +90,16 @@ def differences(env: CareEnv, file: PolicyFile) -> dict[str, Any]:
     casts = [{**recipe.get("cast", {}), **each} for each in variants]
     roles = task_class(file.task).roles()
     out: dict[str, Any] = {}
-    called = {} if env.company is None else env.company.called
-    for role, agent in env.cast.items():
+    place = env.task.place
+    alike = [cast for cast in casts if (cast.get("level") or USUAL_LEVEL) == place.level] or casts
+    for role, here in _played(env).items():
         known = {
             str(model_of(cast.get(role)) or (roles[role].default if role in roles else None))
-            for cast in casts
+            for cast in alike
         }
-        here = called.get(role) or _model(agent)
-        if here not in known and not (isinstance(agent, Human) and any(map(names_several, known))):
+        is_one_of = isinstance(env.cast[role], Human) and any(map(names_several, known))
+        if here not in known and not is_one_of:
             out[role] = here
-    place = env.task.place
     home = place.facts().get("home")
     if home not in {cast.get("home") for cast in casts}:
         out["home"] = home or "a bare floor"
@@ -117,6 +117,12 @@ def differences(env: CareEnv, file: PolicyFile) -> dict[str, Any]:
     return out
 
 
+def _played(env: CareEnv) -> dict[str, str]:
+    """Return who plays each role, by the names of `_model`."""
+    called = {} if env.company is None else env.company.called
+    return {role: called.get(role) or _model(agent) for role, agent in env.cast.items()}
+
+
 def _model(agent: object) -> str:
     """Return the name by which a cast calls who plays; of an avatar that does not ship its own."""
     if isinstance(agent, Human):
@@ -125,11 +131,14 @@ def _model(agent: object) -> str:
     return agent.files.model.name if isinstance(agent, Robot) else type(agent).__name__
 
 
-def measured(name: str, differing: Mapping[str, Any], level: int) -> Figure | None:
+def measured(
+    name: str, differing: Mapping[str, Any], played: Mapping[str, str], level: int
+) -> Figure | None:
     """Return what was measured of the policy of that name with just these differences, at this level.
 
-    Else, where it seldom came off, with some of them: in the same place and with the same options, but
-    with other people or robots besides. A figure without a level is of all at which it was trained.
+    Else, where it seldom came off, with some of who plays: in the same place and with the same options,
+    but with other people or robots besides; whom it was trained with, too. A figure without a level is of
+    all at which it was trained.
     """
     here = {**differing, "level": level}
     found = [f for f in figures().get(name, ()) if f.cast == here]
@@ -137,7 +146,7 @@ def measured(name: str, differing: Mapping[str, Any], level: int) -> Figure | No
     place = {key: value for key, value in here.items() if _is_place(key)}
     for figure in figures().get(name, ()):
         cast = figure.cast if "level" in differing else {"level": level, **figure.cast}
-        fits = all(here.get(key) == value for key, value in cast.items())
+        fits = all({**played, **here}.get(key) == value for key, value in cast.items())
         same = {key: value for key, value in cast.items() if _is_place(key)} == place
         if fits and same and figure.done <= SELDOM * figure.of:
             found.append(figure)
@@ -151,12 +160,13 @@ def _is_place(key: str) -> bool:
 def refusal(env: CareEnv, file: PolicyFile, name: str) -> str:
     """Return why a shipped policy is not played in an environment; empty if it may be."""
     differing = differences(env, file)
-    figure = measured(name, differing, env.task.place.level)
+    figure = measured(name, differing, _played(env), env.task.place.level)
     if figure is None or env.company is not None or figure.done > SELDOM * figure.of:
         return ""
+    unknown = f"was not trained with {_told(differing)}, and " if differing else ""
     return (
-        f"the learned policy of {file.task!r} was not trained with {_told(differing)}, and hardly ever works "
-        f"with {_told(figure.cast)}: {figure}. Take 'scripted', or {ANYWAY!r} to play it all the same"
+        f"the learned policy of {file.task!r} {unknown}hardly ever works with "
+        f"{_told(figure.cast)}: {figure}. Take 'scripted', or {ANYWAY!r} to play it all the same"
     )
 
 
@@ -173,12 +183,12 @@ def check_cast(env: CareEnv, file: PolicyFile, name: str, *, anyway: bool = Fals
         ConfigError: If it came off in a tenth of the measured episodes at most.
     """
     differing = differences(env, file)
-    if not differing:
-        return
     reason = refusal(env, file, name)
     if reason and not anyway:
         raise ConfigError(reason)
-    figure = measured(name, differing, env.task.place.level)
+    if not differing:
+        return
+    figure = measured(name, differing, _played(env), env.task.place.level)
     said = f"measured with {_told(figure.cast)}: {figure}" if figure else "that was not measured"
     warnings.warn(
         f"the learned policy of {file.task!r} was not trained with {_told(differing)}; {said}",
