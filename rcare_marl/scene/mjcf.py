@@ -16,7 +16,7 @@ import numpy as np
 from rcare_marl.errors import ConfigError
 from rcare_marl.model.mesh_file import hulls
 from rcare_marl.model.shape import Shape
-from rcare_marl.model.urdf import FRAME_INERTIA, FRAME_MASS, Joint, Link, joint_pose
+from rcare_marl.model.urdf import FRAME_INERTIA, FRAME_MASS, Follow, Joint, Link, joint_pose
 from rcare_marl.pose import Array, Pose
 
 from .drawing import Drawn
@@ -59,7 +59,8 @@ def mjcf(
         drives: Whether joints have actuators.
         parts: Whether what is held rigidly is a part of who holds it; a weld if not.
         spare: How many welds that hold nothing, for who makes bonds later.
-        as_bullet: Whether cylinders are the prisms that they are in Bullet, and corners where it has them.
+        as_bullet: Whether cylinders are the prisms that they are in Bullet, corners where it has them, and
+            what follows a joint is bound to it by no more than a motor.
 
     Raises:
         ConfigError: If more bodies of their own rules of contact are in it than MuJoCo can tell apart.
@@ -206,8 +207,7 @@ class _Writer:
             elements[joint.child] = element
             if name in body.gears:
                 self._couple(body, name, *body.gears[name])
-            elif joint.follows is not None and joint.follows.joint in body.positions:
-                rule = joint.follows
+            elif (rule := joint.follows) is not None and self._follows(body, rule):
                 self._couple(body, name, rule.joint, rule.multiplier, rule.offset)
 
     def _link(
@@ -242,6 +242,13 @@ class _Writer:
             look |= {"material": _DULL}
             _add(element, "geom", contype="0", conaffinity="0", mass="0", **look)
         return element
+
+    def _follows(self, body: SceneBody, rule: Follow) -> bool:
+        """Return whether a joint is bound to the one that it follows; in Bullet only its motor follows.
+
+        A bound finger shares the torque of the driven joint: two fingers press half as hard.
+        """
+        return rule.joint in body.positions and not self._as_bullet
 
     def _joint(self, body: SceneBody, name: str, joint: Joint, element: xml.Element) -> None:
         slides = joint.kind == "prismatic"
