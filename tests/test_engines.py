@@ -11,6 +11,7 @@ from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import Any
 
+import mujoco
 import numpy as np
 import pytest
 from typer.testing import CliRunner
@@ -304,6 +305,34 @@ def test_friction_acts_where_it_acts_in_bullet(depth: float) -> None:
         moves.append([linear[0], angular[1]])
     assert moves[0][1] > 0.1
     assert moves[1] == pytest.approx(moves[0], rel=0.01)
+
+
+def test_the_driven_finger_has_all_of_its_torque() -> None:
+    """Fingers follow by motors of their own: one bound to the driven joint would take half of its torque."""
+    policies = {"robot": "scripted", "recipient": "still"}
+    with closing(rcare_marl.make("ambulating", engine="mujoco", policies=policies)) as env:
+        env.reset(seed=90005)
+        for _ in range(12):  # the script takes the knob in its hand
+            env.step({})
+        robot, world = env.cast["robot"], env.world
+        assert isinstance(robot, Robot) and robot.gripper is not None
+        assert isinstance(world, MujocoWorld) and world.sim is not None
+        kinds = world.sim.model.eq_type
+        assert not np.isin(kinds, int(mujoco.mjtEq.mjEQ_JOINT)).any()
+        robot.set_gripper(1.0)
+        for _ in range(120):
+            for agent in env.cast.values():
+                agent.actuate()
+            world.step()
+        body, config = robot.body, robot.gripper.config
+        joint, finger = body.joint(config.joint), body.link_index(config.fingers[0])
+        (press,) = (c for c in world.contacts(body, env.task.door.body) if c.link_a == finger)
+        axis = body.link_pose(finger).matrix()[:3, 1]  # of the knuckle
+        arm = np.subtract(press.position, body.link_pose(joint.index).position)
+        lever = abs(float(np.cross(arm, press.normal) @ axis))
+        assert press.force * lever == pytest.approx(
+            config.force, rel=0.1
+        )  # friction bears a little
 
 
 def test_nothing_is_near_what_has_no_shape(tmp_path: Path) -> None:
