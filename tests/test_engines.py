@@ -11,9 +11,9 @@ from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import Any
 
-import mujoco
 import numpy as np
 import pytest
+from mujoco import mjtEq
 from typer.testing import CliRunner
 
 import rcare_marl
@@ -318,7 +318,7 @@ def test_the_driven_finger_has_all_of_its_torque() -> None:
         assert isinstance(robot, Robot) and robot.gripper is not None
         assert isinstance(world, MujocoWorld) and world.sim is not None
         kinds = world.sim.model.eq_type
-        assert not np.isin(kinds, int(mujoco.mjtEq.mjEQ_JOINT)).any()
+        assert not np.isin(kinds, int(mjtEq.mjEQ_JOINT)).any()
         robot.set_gripper(1.0)
         for _ in range(120):
             for agent in env.cast.values():
