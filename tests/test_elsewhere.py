@@ -72,7 +72,8 @@ def test_another_cast_is_warned_of_once_with_what_was_measured() -> None:
         ("limb_repositioning", "specialist", {"recipient": "daniel"}, "1 of 20"),
         ("limb_repositioning", "specialist", {"robot": "fetch"}, "1 of 10"),
         ("dressing", "learned", {"robot": "fetch"}, "0 of 4"),
-        ("ambulating", "learned", {"robot": "hsr"}, "robot hsr, level 1: 0 of 10"),
+        ("ambulating", "learned", {"robot": "fetch"}, "robot fetch, level 1: 0 of 5"),
+        ("ambulating", "learned", {"robot": "franka_panda"}, "robot franka_panda, level 1: 0 of 5"),
     ],
 )
 def test_what_hardly_ever_works_is_refused_with_the_figure(
@@ -88,8 +89,8 @@ def test_what_hardly_ever_works_is_refused_with_the_figure(
 
 
 def test_what_fails_at_one_level_is_played_at_another() -> None:
-    (text,) = play("ambulating", robot="hsr", level=2)
-    assert "robot hsr" in text and "10 of 15" in text
+    (text,) = play("ambulating", robot="fetch", level=2)
+    assert "robot fetch, level 2: 5 of 5" in text
 
 
 def test_a_robot_besides_does_not_help() -> None:

@@ -186,15 +186,12 @@ def check_cast(env: CareEnv, file: PolicyFile, name: str, *, anyway: bool = Fals
     reason = refusal(env, file, name)
     if reason and not anyway:
         raise ConfigError(reason)
-    if not differing:
+    if not differing and not reason:
         return
     figure = measured(name, differing, _played(env), env.task.place.level)
     said = f"measured with {_told(figure.cast)}: {figure}" if figure else "that was not measured"
-    warnings.warn(
-        f"the learned policy of {file.task!r} was not trained with {_told(differing)}; {said}",
-        CastWarning,
-        stacklevel=2,
-    )
+    unknown = f"was not trained with {_told(differing)}; " if differing else ""
+    warnings.warn(f"the learned policy of {file.task!r} {unknown}{said}", CastWarning, stacklevel=2)
 
 
 def of_script(task: str, robot: str, level: int | None = None) -> list[Figure]:
