@@ -333,7 +333,7 @@ def _dressing(record: Mapping[str, Any]) -> str:
 
 
 def _draw_curves(out: Path) -> None:
-    """Draw the success of a, b, c, p and m in training over environment steps."""
+    """Draw the success of a, b, c, p and m in training over environment steps, if there is one."""
     figure = Figure(figsize=(7.2, 3.2), dpi=150, layout="constrained")
     axis = figure.subplots()
     labelled: set[str] = set()
@@ -350,10 +350,11 @@ def _draw_curves(out: Path) -> None:
         axis.plot(
             steps, success, marker=".", color=COLOURS[letter], linewidth=1.2, alpha=0.8, label=label
         )
+    if not labelled:
+        return
     axis.set_xlabel("control steps of all environments together [thousand]")
     axis.set_ylabel("success with its partner [%]")
     axis.set_ylim(-3, 103)
     style(axis)
-    if labelled:
-        axis.legend(fontsize=8, frameon=False)
+    axis.legend(fontsize=8, frameon=False)
     figure.savefig(out / f"{CURVES}.png")
