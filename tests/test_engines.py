@@ -27,6 +27,7 @@ from rcare_marl.engines.mujoco_world import MujocoWorld
 from rcare_marl.envs.care_env import CareEnv
 from rcare_marl.envs.devices import FloorLift, HospitalBed
 from rcare_marl.envs.registry import task_class
+from rcare_marl.envs.tasks.ambulating import Ambulating
 from rcare_marl.errors import ConfigError, MissingPackageError, UnknownNameError, WorldError
 from rcare_marl.pose import Pose, quaternion_from_axis_angle
 from rcare_marl.world import GRAVITY
@@ -314,8 +315,10 @@ def test_the_driven_finger_has_all_of_its_torque() -> None:
         env.reset(seed=90005)
         for _ in range(12):  # the script takes the knob in its hand
             env.step({})
-        robot, world = env.cast["robot"], env.world
-        assert isinstance(robot, Robot) and robot.gripper is not None
+        robot, world, task = env.cast["robot"], env.world, env.task
+        assert (
+            isinstance(robot, Robot) and robot.gripper is not None and isinstance(task, Ambulating)
+        )
         assert isinstance(world, MujocoWorld) and world.sim is not None
         kinds = world.sim.model.eq_type
         assert not np.isin(kinds, int(mjtEq.mjEQ_JOINT)).any()
@@ -326,13 +329,12 @@ def test_the_driven_finger_has_all_of_its_torque() -> None:
             world.step()
         body, config = robot.body, robot.gripper.config
         joint, finger = body.joint(config.joint), body.link_index(config.fingers[0])
-        (press,) = (c for c in world.contacts(body, env.task.door.body) if c.link_a == finger)
+        (press,) = (c for c in world.contacts(body, task.door.body) if c.link_a == finger)
         axis = body.link_pose(finger).matrix()[:3, 1]  # of the knuckle
         arm = np.subtract(press.position, body.link_pose(joint.index).position)
         lever = abs(float(np.cross(arm, press.normal) @ axis))
-        assert press.force * lever == pytest.approx(
-            config.force, rel=0.1
-        )  # friction bears a little
+        # Friction bears a little.
+        assert press.force * lever == pytest.approx(config.force, rel=0.1)
 
 
 def test_nothing_is_near_what_has_no_shape(tmp_path: Path) -> None:
