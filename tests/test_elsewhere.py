@@ -80,8 +80,11 @@ def test_what_hardly_ever_works_is_refused_with_the_figure(
     task: str, name: str, cast: dict[str, Any], figure: str
 ) -> None:
     with closing(rcare_marl.make(task, **cast)) as env:
-        with pytest.raises(ConfigError, match=f"{figure}.*learned_anyway"):
+        with pytest.raises(ConfigError, match=f"{figure}.*learned_anyway") as told:
             make_policy(env, task, "robot", name)
+        refused = elsewhere.of_script(task, str(cast.get("robot")), 1)
+        is_poor = any(elsewhere.is_refused(task, row) for row in refused)
+        assert ("take another robot" in str(told.value)) == is_poor
         if name == trained.NAME:
             assert trained.best_policy(env, task) == "scripted"
             (text,) = warned(env, task, elsewhere.ANYWAY)

@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from mujoco import mjtEq
 from typer.testing import CliRunner
 
 import rcare_marl
@@ -27,7 +26,6 @@ from rcare_marl.engines.mujoco_world import MujocoWorld
 from rcare_marl.envs.care_env import CareEnv
 from rcare_marl.envs.devices import FloorLift, HospitalBed
 from rcare_marl.envs.registry import task_class
-from rcare_marl.envs.tasks.ambulating import Ambulating
 from rcare_marl.errors import ConfigError, MissingPackageError, UnknownNameError, WorldError
 from rcare_marl.pose import Pose, quaternion_from_axis_angle
 from rcare_marl.world import GRAVITY
@@ -306,35 +304,6 @@ def test_friction_acts_where_it_acts_in_bullet(depth: float) -> None:
         moves.append([linear[0], angular[1]])
     assert moves[0][1] > 0.1
     assert moves[1] == pytest.approx(moves[0], rel=0.01)
-
-
-def test_the_driven_finger_has_all_of_its_torque() -> None:
-    """Fingers follow by motors of their own: one bound to the driven joint would take half of its torque."""
-    policies = {"robot": "scripted", "recipient": "still"}
-    with closing(rcare_marl.make("ambulating", engine="mujoco", policies=policies)) as env:
-        env.reset(seed=90005)
-        for _ in range(12):  # the script takes the knob in its hand
-            env.step({})
-        robot, world, task = env.cast["robot"], env.world, env.task
-        assert (
-            isinstance(robot, Robot) and robot.gripper is not None and isinstance(task, Ambulating)
-        )
-        assert isinstance(world, MujocoWorld) and world.sim is not None
-        kinds = world.sim.model.eq_type
-        assert not np.isin(kinds, int(mjtEq.mjEQ_JOINT)).any()
-        robot.set_gripper(1.0)
-        for _ in range(120):
-            for agent in env.cast.values():
-                agent.actuate()
-            world.step()
-        body, config = robot.body, robot.gripper.config
-        joint, finger = body.joint(config.joint), body.link_index(config.fingers[0])
-        (press,) = (c for c in world.contacts(body, task.door.body) if c.link_a == finger)
-        axis = body.link_pose(finger).matrix()[:3, 1]  # of the knuckle
-        arm = np.subtract(press.position, body.link_pose(joint.index).position)
-        lever = abs(float(np.cross(arm, press.normal) @ axis))
-        # Friction bears a little.
-        assert press.force * lever == pytest.approx(config.force, rel=0.1)
 
 
 def test_nothing_is_near_what_has_no_shape(tmp_path: Path) -> None:

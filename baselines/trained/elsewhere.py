@@ -164,9 +164,14 @@ def refusal(env: CareEnv, file: PolicyFile, name: str) -> str:
     if figure is None or env.company is not None or figure.done > SELDOM * figure.of:
         return ""
     unknown = f"was not trained with {_told(differing)}, and " if differing else ""
+    robot, level = _played(env).get(ROBOT, ""), env.task.place.level
+    is_poor = any(is_refused(file.task, row) for row in of_script(file.task, robot, level))
+    advice = (
+        "Its script is refused there, too: take another robot" if is_poor else "Take 'scripted'"
+    )
     return (
         f"the learned policy of {file.task!r} {unknown}hardly ever works with "
-        f"{_told(figure.cast)}: {figure}. Take 'scripted', or {ANYWAY!r} to play it all the same"
+        f"{_told(figure.cast)}: {figure}. {advice}, or {ANYWAY!r} to play it all the same"
     )
 
 
