@@ -123,8 +123,7 @@ def test_a_simulated_person_is_coached_through_all_exercises() -> None:
     room = Room()
     room.receive(simulated(exercises=exercise_names()), 0.0)
     states = run(room, 120)
-    assert states[-1]["phase"] == "over"
-    assert states[-1]["over"]["complete"]
+    assert states[-1]["phase"] == "over" and states[-1]["over"]["complete"]
     assert {s["exercise"]["name"] for s in states} == set(exercise_names())
     assert any(s["following"] for s in states)
     assert states[-1]["count"] >= len(exercise_names())  # each was explained
@@ -318,8 +317,7 @@ def test_consent_is_for_one_session_and_the_next_leaves_what_was_kept_alone(tmp_
     run(room, 5)
     recording = recorder.take()
     assert recording is not None
-    report = recording.write(tmp_path)
-    recorder.written(report)
+    recorder.written(report := recording.write(tmp_path))
     room.receive(simulated(), 10.0)
     run(room, 5, start=10.0)
     assert recorder.take() is None
