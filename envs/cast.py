@@ -362,6 +362,7 @@ def _agent(name: str, role: Role[Any], fields: Mapping[str, Any], *, is_scripted
             self_collision=robot.self_collision,
             gripper=role.gripper if robot.moves is None else "held",
             contact_force=role.contact_force,
+            contact_torque=role.contact_torque,
             compliance=robot.compliance,
         )
         agent.equip(_suite(name, robot.sensors), robot.markers)

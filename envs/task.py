@@ -62,6 +62,7 @@ class Role(Generic[AgentT]):
         partner: Policy that plays the role where another one is the only learner.
         gripper: What a robot's gripper does where the cast names no parts to move; see `Robot`.
         contact_force: Force at a robot's tool from which it gives way in `tool_delta` [N].
+        contact_torque: Torque with which that tool may turn what it holds; see `ToolDelta` [N·m].
         moves: Parts of a robot that move where the cast names none and it has them all, its main arm if
             None; of a person see `agents.people.moves`.
         speaks: Whether a person whom a script plays has `speak` among the moves: the task listens.
@@ -79,13 +80,14 @@ class Role(Generic[AgentT]):
         partner: str | None = None,
         gripper: GripperUse = "held",
         contact_force: float = CONTACT_FORCE,
+        contact_torque: float = 0.0,
         moves: Sequence[str] | None = None,
         speaks: bool = False,
     ) -> None:
         self.kind, self.default, self.optional, self.speaks = kind, default, optional, speaks
         self.posture, self.movable, self.gripper = posture, movable, gripper
         self.control, self.partner, self.moves = control, partner, moves
-        self.contact_force = contact_force
+        self.contact_force, self.contact_torque = contact_force, contact_torque
 
     def __set_name__(self, owner: type[Task], name: str) -> None:
         self._name = name

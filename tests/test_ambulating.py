@@ -23,7 +23,7 @@ from rcare_marl.envs.homes import (
 )
 from rcare_marl.envs.scenes.door_approach import WIDE_ENOUGH
 from rcare_marl.envs.scenes.way_through import WayThrough
-from rcare_marl.envs.tasks.ambulating import Ambulating
+from rcare_marl.envs.tasks.ambulating import CONTACT_TORQUE, Ambulating
 from rcare_marl.errors import ConfigError
 from rcare_marl.pose import Pose
 from rcare_marl.world import World
@@ -199,6 +199,14 @@ def test_a_hinge_resists_the_chair_that_pushes_the_leaf() -> None:
 def test_a_chair_that_is_too_wide_for_a_door_is_told_so() -> None:
     with pytest.raises(ConfigError, match="leaves 0.66 m"):
         rcare_marl.make("ambulating", level=1, options={"goal": "through"})
+
+
+def test_a_hand_turns_a_knob_with_more_than_a_tenth_of_what_its_wrist_can() -> None:
+    env = rcare_marl.make("ambulating", robot="fetch", level=1, policies=BOTH)
+    wrist = env.cast["robot"].body.joint("wrist_roll_joint")
+    assert 0.1 * wrist.effort < 0.80 < CONTACT_TORQUE
+    assert run(env, 0).succeeded()
+    env.close()
 
 
 @pytest.mark.slow

@@ -86,6 +86,7 @@ class Robot(Agent):
         grip_width: float = 0.02,
         mount: str | Mount | None = None,
         contact_force: float = ToolDelta.CONTACT_FORCE,
+        contact_torque: float = 0.0,
         compliance: Compliance = Compliance(),
         meshes: Meshes = "never",
         self_collision: bool = False,
@@ -106,9 +107,9 @@ class Robot(Agent):
                 simulation faster; `free` leaves them to `set_gripper`; `commanded` adds the gripper
                 of the main arm to `moves`.
             grip_width: Gap between the fingers of the main arm at the start [m].
-            mount: Where it is mounted in place of where the task says: a mount of the model by name,
-                or a place of its own in the same frame.
+            mount: Its mount in place of the task's: by name, or a place of its own in the same frame.
             contact_force: Force at the tool from which `tool_delta` gives way [N].
+            contact_torque: Torque with which it may turn what it holds; see `ToolDelta` [N·m].
             compliance: How the tool yields under `impedance` and `admittance`.
             meshes: Whether to draw the real meshes of an optional package; the physics is the same.
             self_collision: Whether links of the robot collide with each other.
@@ -122,13 +123,14 @@ class Robot(Agent):
         if isinstance(posture, str):
             check_name("posture", posture, config.postures)
         check_name("use of a gripper", gripper, ("held", "free", "commanded"))
-        if not 0 < contact_force < math.inf:
-            raise ConfigError(f"contact_force must be positive, got {contact_force} N")
+        contact = (contact_force, contact_torque)
+        if not 0 < contact_force < math.inf or not 0 <= contact_torque < math.inf:
+            raise ConfigError(f"contact must be above 0 N and at least 0 N·m, got {contact}")
         if not 0 <= posture_noise <= MOST_NOISE:
             raise ConfigError(f"posture_noise must be 0 to {MOST_NOISE}, got {posture_noise}")
         self.name, self.config = name, config
         self._control_name, self._gripper_use = control, gripper
-        self._noise, self._gentleness = posture_noise, (contact_force, compliance)
+        self._noise, self._gentleness = posture_noise, (contact, compliance)
         self._grip_width, self._meshes = grip_width, meshes
         self._self_collision = self_collision
         if isinstance(mount, str):

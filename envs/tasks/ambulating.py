@@ -32,6 +32,8 @@ COMFORT_FORCE = 10.0  # [N] free of penalty below: Assistive Gym, config.ini
 TIME_LIMIT, THROUGH_LIMIT = 30.0, 60.0  # [s]; to open, and to drive through; our own choice
 # [N] from which `tool_delta` gives way, of 15 N else: hardware asks for up to 35 N.
 CONTACT_FORCE = 60.0  # our own choice
+# [N·m] with which the hand may turn a knob that asks for 0.80.
+CONTACT_TORQUE = 1.5  # our own choice
 KNOB_FRICTION = 1.0  # [1] of brass under the rubber of fingers; our own choice
 BEFORE = 0.14  # [m] from the handle to the tool at the start; our own choice
 OPEN_SHARE = 0.3  # of `progress`, for the open door on the way through; our own choice
@@ -110,6 +112,7 @@ class Ambulating(Task):
         partner="scripted",
         gripper="commanded",
         contact_force=CONTACT_FORCE,
+        contact_torque=CONTACT_TORQUE,
     )
     recipient = Role(
         Human, default="daniel", posture="wheelchair", movable=("neck", "head"), partner="still"

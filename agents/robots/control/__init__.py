@@ -38,20 +38,23 @@ GROUP_CONTROLS: dict[str, Callable[[JointGroup], Control]] = {
 }
 
 
-def make_control(name: str, arm: Arm, contact_force: float, compliance: Compliance) -> Control:
+def make_control(
+    name: str, arm: Arm, contact: tuple[float, float], compliance: Compliance
+) -> Control:
     """Return the control of an arm.
 
     Args:
         name: One of `CONTROLS`.
         arm: The arm.
-        contact_force: Force at the tool from which `tool_delta` and `tool_pose` give way [N].
+        contact: Force at the tool from which `tool_delta` and `tool_pose` give way [N], and torque with which
+            it may turn what it holds [N·m].
         compliance: How the tool yields under `impedance` and `admittance`.
     """
     if name in COMPLIANT:
         return COMPLIANT[name](arm, compliance)
     control = CONTROLS[name](arm)
     if isinstance(control, ToolDelta):
-        control.contact_force = contact_force
+        control.contact_force, control.contact_torque = contact
     return control
 
 

@@ -52,6 +52,8 @@ class ToolDelta(ToolMotion):
 
     Attributes:
         contact_force: Force at the tool from which the target gives way [N].
+        contact_torque: Torque with which the tool may turn what it holds, if its motors can [N·m]; else they
+            get a tenth of what they can, beside what that force takes.
         weight_share: Share of the weight in its model that the arm has, as it weighed itself.
     """
 
@@ -62,7 +64,7 @@ class ToolDelta(ToolMotion):
 
     def __init__(self, arm: Arm) -> None:
         super().__init__()
-        self.contact_force = self.CONTACT_FORCE
+        self.contact_force, self.contact_torque = self.CONTACT_FORCE, 0.0
         self._arm = arm
         own = [name for name in arm.names if name not in BASE_JOINTS]
         self._is_base = np.array([name in BASE_JOINTS for name in arm.names])
@@ -126,7 +128,13 @@ class ToolDelta(ToolMotion):
             (positions, torques),
             self._wished_twist(action, duration),
             duration,
-            (*self.LEASH, self.contact_force, self._turn_weight, self.weight_share),
+            (
+                *self.LEASH,
+                self.contact_force,
+                self.contact_torque,
+                self._turn_weight,
+                self.weight_share,
+            ),
         )
         if self._has_base:  # it has the whole robot to speed up
             forces = np.where(self._is_base, arm.effort, forces)
@@ -267,12 +275,12 @@ def _follow(arrays, tip, limits, goal, target, felt, twist, duration, gentleness
         felt: Positions and motor torques now, each [n].
         twist: Wished velocity of the tool [m/s] and [rad/s], shape [6].
         duration: Of the control step [s].
-        gentleness: Leash [m] and [rad], contact force [N], weight of a radian against a metre, and the share
-            of its known weight that the arm has.
+        gentleness: Leash [m] and [rad], contact force [N] and torque [N·m], weight of a radian against a
+            metre, and the share of its known weight that the arm has.
     """
     positions, torques = felt
     lower, upper, velocity, effort, rest = limits
-    _, _, contact_force, weight, share = gentleness
+    _, _, contact_force, contact_torque, weight, share = gentleness
     tree, frames = Tree(*arrays), new_frames(len(target))
     real, there = np.empty((3, 4)), np.empty((3, 4))
     place_chain(tree, tip, positions, frames, real)
@@ -318,7 +326,8 @@ def _follow(arrays, tip, limits, goal, target, felt, twist, duration, gentleness
     forces, speeds = np.empty(n), np.empty(n)
     for i in range(n):
         lever = math.sqrt(here[0, i] ** 2 + here[1, i] ** 2 + here[2, i] ** 2)
-        need = HEADROOM * contact_force * lever + 0.1 * effort[i]
+        turning = math.sqrt(here[3, i] ** 2 + here[4, i] ** 2 + here[5, i] ** 2) * contact_torque
+        need = HEADROOM * contact_force * lever + max(0.1 * effort[i], turning)
         forces[i] = min(need, effort[i])
         way = abs(target[i] - positions[i])
         speeds[i] = min(max(way / duration, RETURN_SPEED), velocity[i])
@@ -338,7 +347,7 @@ def _pull(away, upper, twist):  # type: ignore[no-untyped-def]
 @numba.njit(cache=True)
 def _give_way(goal, real, matrix, outside, twist, duration, gentleness) -> None:  # type: ignore[no-untyped-def]
     """Pull `goal` back onto the leash from `real`, and further where the tool is pushed hard."""
-    leash, turn_leash, contact_force, _, _ = gentleness
+    leash, turn_leash, contact_force, _, _, _ = gentleness
     gap = goal[:, 3] - real[:, 3]
     reach = leash + duration * math.sqrt((twist[:3] ** 2).sum())
     length = math.sqrt((gap**2).sum())
