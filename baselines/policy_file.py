@@ -244,7 +244,8 @@ class LearnedPolicy:
         self._base: Policy | None = None
         if file.residual is not None:
             self._residual = scale_of(file.residual, file.action_size, role)
-            self._base = unguarded(file.task, role, BASE)(env, role)
+            base = file.recipe.get("bases", {}).get(role, BASE)
+            self._base = unguarded(file.task, role, base)(env, role)
 
     def reset(self, rng: np.random.Generator) -> None:
         self._view.reset()

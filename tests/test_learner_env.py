@@ -76,6 +76,7 @@ def test_a_recipe_tells_what_it_cannot_write_down() -> None:
         ),
         ({"residual": {"recipient": 0.3}}, "residual is for roles that learn"),
         ({"residual": {"robot": 0.0}}, "above 0"),
+        ({"bases": {"robot": "observing"}}, "residual, among bases"),
         ({"residual": {"robot": float("nan")}}, "above 0"),
         ({"residual": {"robot": [0.0, 0.0]}}, "above 0"),
         ({"residual": {"robot": [0.5, -0.1]}}, "above 0"),
@@ -155,16 +156,19 @@ def test_partners_are_drawn_by_episode() -> None:
     env.close()
 
 
-def test_a_residual_that_is_zero_is_the_script_itself() -> None:
-    env = LearnerEnv(EnvRecipe("feeding", residual={"robot": 0.3}))
+@pytest.mark.parametrize("base", ["scripted", "observing"])
+def test_a_residual_that_is_zero_is_its_base_itself(base: str) -> None:
+    noisy = {"observation_noise": {"m": 0.01}}
+    recipe = EnvRecipe("feeding", residual={"robot": 0.3}, bases={"robot": base}, randomise=noisy)
+    env = LearnerEnv(recipe)
     assert env.layout.observed["robots"][-1] == ("scripted_action", 6)
     env.reset(SEED)
     steps = 0
     while not (env.terminated or env.truncated):
         env.step(zeros(env))
         steps += 1
-    plain = EnvRecipe("feeding").make()
-    script = find_policy("feeding", "robot", "scripted")(plain, "robot")
+    plain = EnvRecipe("feeding", randomise=noisy).make()
+    script = find_policy("feeding", "robot", base)(plain, "robot")
     episode = run_episode(plain, {"robot": script}, SEED)
     assert (env.success, steps) == (episode.success, episode.steps)
     np.testing.assert_array_equal(env.state, plain.state())

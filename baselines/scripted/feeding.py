@@ -6,17 +6,21 @@ want it, it draws back at once. Where something hangs in the way, it plans a way
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 
 import numpy as np
 
 from rcare_marl.agents.agent import Agent
 from rcare_marl.body import Body
+from rcare_marl.envs.care_env import CareEnv
 from rcare_marl.envs.registry import register_policy
 from rcare_marl.envs.scenes.meal import OPEN_MOUTH, TAKEN_AWAY
-from rcare_marl.envs.tasks.feeding import FOOD_COUNT, LOADED_FROM, Feeding
-from rcare_marl.errors import PlanningError
-from rcare_marl.pose import Array, Pose, about_z, rotate
+from rcare_marl.envs.scenes.refusal import Refusal
+from rcare_marl.envs.tasks.feeding import FOOD_COUNT, LOADED_FROM, Feeding, FeedingState
+from rcare_marl.errors import ConfigError, PlanningError
+from rcare_marl.observable import VECTOR
+from rcare_marl.pose import Array, Pose, about_z, quaternion_from_axis_angle, rotate
 
 from .offering import PAUSE, Offering
 from .tool_script import Detour, ToolScript, limited, turning, unit
@@ -49,8 +53,12 @@ class ScriptedFeeding(ToolScript[Feeding]):
         self._again, self._look, self._plans, self._left = 0.0, 0.0, 0, 0
         self._face = np.array((1.0, 0.0, 0.0))
 
+    def _seen(self) -> FeedingState:
+        """Return what it goes by."""
+        return self._task.state
+
     def act(self) -> Array:
-        task, seen = self._task, self._task.state
+        task, seen = self._task, self._seen()
         offers = self._offering.goes_on(seen.refusal, seen.time)
         if self._mouth is None or (offers and not seen.refusal.turned):  # nobody is chased
             self._mouth, self._face = seen.mouth, seen.face
@@ -120,3 +128,59 @@ class ScriptedFeeding(ToolScript[Feeding]):
     def _kept(self) -> dict[Agent | Body, float]:
         """Return how far to keep from whom [m]."""
         return {self._task.recipient: FROM_PERSON, **dict.fromkeys(self._task.bag.bodies, FROM_BAG)}
+
+
+@register_policy("feeding", "robot", "observing")
+class ObservingFeeding(ScriptedFeeding):
+    """The same by what the robot observes alone: with its noise, its bias and its gaps.
+
+    How the spoon lies in the hand it knows. Of one spoonful, with nothing in the way.
+    """
+
+    def __init__(self, env: CareEnv, role: str) -> None:
+        """Take the environment and the robot's role.
+
+        Raises:
+            ConfigError: As the script; or if there are several bites or an obstacle, or a no is not observed.
+        """
+        super().__init__(env, role)
+        told = self._task.options
+        if told.bites > 1 or told.obstacle != "none" or not told.refusals_observed:
+            raise ConfigError(
+                "the observing script of Feeding needs bites 1, no obstacle and refusals_observed"
+            )
+        self._env, self._role = env, role
+        self._places = {name: at for at, name, _ in env.describe(role)}
+        self._tool = np.zeros(3)
+
+    def _seen(self) -> FeedingState:
+        told = self._env.observe(self._role)
+        vector = told[VECTOR] if isinstance(told, dict) else told
+        see = {name: np.asarray(vector[at], np.float64) for name, at in self._places.items()}
+        self._tool, way = see["tool_position"], see["bowl_to_mouth"]
+        spin = see["tool_rotation"]
+        angle = max(float(np.linalg.norm(spin)), 1e-9)
+        tool = Pose(
+            (0.0, 0.0, 0.0), tuple(quaternion_from_axis_angle(spin / angle, angle).tolist())
+        )
+        is_no = bool(see["says_no"][0] > 0.5)
+        return dataclasses.replace(
+            self._task.state,
+            bowl=see["bowl_position"],
+            turn=np.array((tool @ self._task.spoon_in_tool).quaternion),
+            mouth=see["bowl_position"] + way,
+            face=unit(see["face_direction"]),
+            distance=float(np.linalg.norm(way)),
+            jaw=float(see["jaw_opening"][0]),
+            eaten=round(FOOD_COUNT * float(see["food_eaten"][0])),
+            refusal=Refusal(  # a face that turns away counts once it is observed as a no
+                is_no=is_no,
+                turned=int(is_no),
+                count=round(float(see["refusals"][0])),
+                stands=bool(see["no_stands"][0] > 0.5),
+            ),
+        )
+
+    def _about(self, point: Array, linear: Array, spin: Array) -> Array:
+        lever = self._tool - point
+        return self._robot.tool_action(linear + np.cross(spin, lever), spin)

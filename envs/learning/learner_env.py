@@ -81,12 +81,14 @@ class LearnerEnv:
             UnknownNameError: If a name does not exist.
         """
         self.recipe, self.care_env = recipe, recipe.make(variant)
-        env = self.care_env
+        env, task, bases = self.care_env, recipe.task, recipe.bases
         try:
             self._refuse_arrays()
             self._views = self._make_views()
             self._bases: dict[str, Policy] = {
-                role: make_policy(env, recipe.task, role, unguarded(recipe.task, role, "scripted"))
+                role: make_policy(
+                    env, task, role, unguarded(task, role, bases.get(role, "scripted"))
+                )
                 for role in recipe.residual
             }
             teachers = self.demonstrators() if recipe.taught else {}

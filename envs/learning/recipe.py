@@ -68,6 +68,8 @@ class EnvRecipe:
         residual: For roles that learn, the scale of their action on top of the scripted policy's: one number,
             or one for each value of the action, 0 for what is left to the script: a learner's action holds
             the others only.
+        bases: For roles that learn a residual, the policy that is corrected, by name or file; `scripted`
+            where nothing is given.
         hold: Control steps that a learner's action lasts: a decision. Rewards and costs of these are
             summed. A script that is corrected acts in each of them.
         physics_dt: Physics step [s]; where nobody is touched coarser ones teach as much in less time.
@@ -91,6 +93,7 @@ class EnvRecipe:
     learners: tuple[str, ...] = ()
     partners: Mapping[str, str | tuple[str, ...]] = field(default_factory=dict)
     residual: Mapping[str, Scale] = field(default_factory=dict)
+    bases: Mapping[str, str] = field(default_factory=dict)
     hold: int = 1
     physics_dt: float = 1 / 240
     engine: str = "bullet"
@@ -101,7 +104,7 @@ class EnvRecipe:
     def __post_init__(self) -> None:
         object.__setattr__(self, "randomise", Randomisation.of(self.randomise).to_dict())
         check_engine(self.task, self.engine)
-        for name in ("options", "cast", "partners", "residual", "views"):
+        for name in ("options", "cast", "partners", "residual", "bases", "views"):
             _check_mapping(name, getattr(self, name))
         for name in ("variants", "learners"):
             if isinstance(getattr(self, name), str):
@@ -144,7 +147,9 @@ class EnvRecipe:
                     f"residual of {role!r} must be above 0 and at most {MAX_SCALE}, or such a number or 0 "
                     f"for each value of the action, got {scale!r}"
                 )
-            find_policy(self.task, role, "scripted")
+            find_policy(self.task, role, self.bases.get(role, "scripted"))
+        for role in self.bases:
+            check_name("role that learns a residual, among bases", role, self.residual)
         for role in self.views:
             if role not in learning:
                 raise ConfigError(f"views are for roles that learn, {learning}, got {role!r}")
