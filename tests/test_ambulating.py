@@ -126,15 +126,9 @@ def through(env: CareEnv) -> WayThrough:
 
 
 def test_the_robot_frees_the_latch_and_drives_the_chair_through_when_asked(driven: CareEnv) -> None:
-    tracks = []
-    for _ in range(2):
-        driven.reset(seed=0)
-        track = [driven.state()]
-        while not driven.is_over:
-            driven.step({})
-            track.append(driven.state())
-        tracks.append(np.array(track))
-    np.testing.assert_array_equal(tracks[0], tracks[1])
+    driven.reset(seed=0)
+    while not driven.is_over:
+        driven.step({})
     task, way = task_of(driven), through(driven)
     assert task.succeeded() and task.report()["peak_force_n"] == 0
     assert task.report()["way_through_m"] >= 0 and task.state.opening > 1.2
