@@ -15,7 +15,7 @@ from rcare_marl.baselines.evaluation.protocol import digest, read_record
 from rcare_marl.baselines.policy_file import PolicyFile
 
 FILES = sorted(trained.FOLDER.glob("*.npz"))
-SLOW = {  # others play at least once in test_policy_file.py
+SLOW = {  # test_policy_file.py plays these quickly, too
     "dressing",
     "dressing_everybody",
     "ambulating_everybody",
