@@ -80,17 +80,12 @@ def test_robots_have_a_zoo_of_their_controllers() -> None:
 
 
 @pytest.mark.parametrize(
-    ("temperament", "expected"),
-    [
-        pytest.param("cooperative", True, marks=pytest.mark.slow),
-        ("passive", True),
-        ("tremor", True),
-    ],
+    "temperament", few(["cooperative", "passive", "tremor"], "passive", "tremor")
 )
-def test_scripted_robot_feeds_whoever_lets_it(temperament: str, expected: bool) -> None:
+def test_scripted_robot_feeds_whoever_lets_it(temperament: str) -> None:
     partner = only(temperament)
     found = evaluate("feeding", partner.policies(), episodes=1, cast=partner.cast())
-    assert (found.success_rate == 1.0) is expected
+    assert found.success_rate == 1.0
 
 
 def test_resisting_person_turns_away_and_presses_the_lips_and_gives_in(resisting: CareEnv) -> None:
