@@ -25,6 +25,9 @@ setup: $(STAMP)  ## install everything into .venv
 demo: $(STAMP)  ## ten seeded feeding episodes: a table, a video, a plot, a record (ARGS="--seed 7")
 	@$(BIN)/rcare-marl demo $(ARGS)
 
+# Tests start many processes: each would compile our modules anew where no byte code may be written.
+test test-all test-browser: export PYTHONDONTWRITEBYTECODE =
+
 test: $(STAMP)  ## the quick tests
 	@$(BIN)/python -m pytest -q -n $(JOBS) --dist loadfile $(ARGS)
 

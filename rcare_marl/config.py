@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 import math
 import types
 import typing
 from collections.abc import Mapping
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -18,6 +19,9 @@ from .errors import ConfigError, UnknownNameError, check_name, shown
 from .reading import DEPTH, read_text, reason
 
 LARGEST_YAML = 8 << 20  # [bytes]
+KEPT_YAML = (
+    1 << 16
+)  # [characters] up to which what a text says is kept: a scene reads its files anew
 MOST_PARTS = 300_000  # of a YAML file, aliases written out
 LARGEST_NUMBER = 1 << 64
 
@@ -37,18 +41,23 @@ def read_yaml(path: str | Path) -> dict[str, Any]:
     return data
 
 
+@lru_cache(maxsize=128)
+def _parsed(text: str) -> Any:
+    loader = _Loader(text)
+    try:
+        node = loader.get_single_node()
+        if node is None:
+            return None
+        _check_size(node)
+        return loader.construct_document(node)
+    finally:
+        loader.dispose()
+
+
 def parse_yaml(text: str, where: str) -> Any:
     """Return what a YAML text says; ConfigError, naming `where` it is from, if it is none."""
     try:
-        loader = _Loader(text)
-        try:
-            node = loader.get_single_node()
-            if node is None:
-                return None
-            _check_size(node)
-            return loader.construct_document(node)
-        finally:
-            loader.dispose()
+        return copy.deepcopy(_parsed(text)) if len(text) < KEPT_YAML else _parsed.__wrapped__(text)
     except (
         Exception
     ) as error:  # of dates, numbers and sets that are none, and of what is nested deeply

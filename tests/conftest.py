@@ -6,6 +6,7 @@ they fail, so that a machine that should have it cannot pass without.
 
 from __future__ import annotations
 
+import gc
 import os
 from collections.abc import Callable, Iterator
 from functools import cache
@@ -25,6 +26,13 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 def pytest_configure(config: pytest.Config) -> None:
     config.addinivalue_line("markers", f"needs_gl: draws with OpenGL; must not skip if {REQUIRED}")
+    gc.disable()  # until all is collected: modules and tests stay, and looking through them is slow
+
+
+def pytest_collection_finish() -> None:
+    gc.collect()
+    gc.freeze()  # what was collected is not looked through again with each large collection
+    gc.enable()
 
 
 def pytest_runtest_setup(item: pytest.Item) -> None:

@@ -42,7 +42,10 @@ def person(tmp_path: Path, body: str = "{seed: 3}", **fields: object) -> AvatarC
     return load_avatar(file)
 
 
-@pytest.mark.parametrize(("sex", "age", "height", "mass"), PEOPLE)
+@pytest.mark.parametrize(
+    ("sex", "age", "height", "mass"),
+    [pytest.param(*who, marks=pytest.mark.slow if k % 2 else ()) for k, who in enumerate(PEOPLE)],
+)
 def test_anybody_has_their_stature_and_mass(sex: str, age: int, height: float, mass: float) -> None:
     recipe = body_recipe(BodySpec(seed=2), sex, age, height, mass)  # type: ignore[arg-type]
     body = fit_body(shape_basis(), recipe)

@@ -63,7 +63,6 @@ def test_a_task_that_asks_the_engine_is_found_out() -> None:
         pytest.param("tool_delta", 15, 1_000, marks=pytest.mark.slow),
         ("tool_delta", 15, 450),
         pytest.param("joint_velocity", 15, 1_000, marks=pytest.mark.slow),
-        ("joint_velocity", 15, 450),
     ],
 )
 def test_random_actions_stay_sane(control: str, held: int, steps: int) -> None:

@@ -129,7 +129,7 @@ def test_a_simulated_person_is_coached_through_all_exercises() -> None:
     assert states[-1]["count"] >= len(exercise_names())  # each was explained
 
 
-@pytest.mark.parametrize("mistake", every(2, [name for name in MISTAKES if name != "none"]))
+@pytest.mark.parametrize("mistake", every(6, [name for name in MISTAKES if name != "none"]))
 def test_a_mistake_is_not_counted_keeps_the_window_from_green_and_is_named(
     mistake: Mistake,
 ) -> None:

@@ -26,7 +26,7 @@ def zoo() -> list[Partner]:
 @pytest.fixture(scope="module")
 def played() -> CrossPlay:
     own = {"scripted": ["karan_cooperative"]}
-    return cross_play("feeding", ROBOTS, zoo(), episodes=2, seed=5, own=own)
+    return cross_play("feeding", ROBOTS, zoo(), episodes=1, seed=5, own=own)
 
 
 def made(success: list[list[float]], own: Mapping[str, tuple[str, ...]]) -> CrossPlay:
@@ -47,7 +47,7 @@ def test_cells_are_what_each_pair_does_alone(played: CrossPlay) -> None:
         alone = evaluate(
             "feeding",
             {"robot": "scripted", **partner.policies()},
-            episodes=2,
+            episodes=1,
             seed=5,
             cast=partner.cast(),
         )
@@ -62,7 +62,7 @@ def test_cells_are_what_each_pair_does_alone(played: CrossPlay) -> None:
 @pytest.mark.slow
 def test_processes_change_nothing(played: CrossPlay) -> None:
     own = {"scripted": ["karan_cooperative"]}
-    again = cross_play("feeding", ROBOTS, zoo(), episodes=2, seed=5, own=own, processes=2)
+    again = cross_play("feeding", ROBOTS, zoo(), episodes=1, seed=5, own=own, processes=2)
     assert again.to_dict() == played.to_dict()
 
 

@@ -214,7 +214,12 @@ NEARLY: dict[str, Callable[[Any], None]] = {
 
 @pytest.mark.parametrize(
     "task",
-    [pytest.param(t, marks=pytest.mark.slow if t.endswith("dressing") else ()) for t in NEARLY],
+    [
+        pytest.param(
+            t, marks=pytest.mark.slow if t.endswith(("dressing", "group_coaching")) else ()
+        )
+        for t in NEARLY
+    ],
 )
 def test_what_is_nearly_a_success_is_one_within_the_tolerance(task: str) -> None:
     env = rcare_marl.make(task)

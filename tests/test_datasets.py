@@ -30,7 +30,7 @@ NAMES = {
     "robomimic": "feeding.hdf5",
     "mcap": "a.mcap",
 }
-FEW = 8  # damaged files of each format
+FEW = 5  # damaged files of each format
 STEPS = (4, 3)
 CAMERA = {"kind": "camera", "outputs": ["rgb", "depth"], "width": 16, "height": 12}
 POLICIES = {"robot": "random", "recipient": "cooperative"}

@@ -71,7 +71,7 @@ def test_another_cast_is_warned_of_once_with_what_was_measured() -> None:
     [
         ("limb_repositioning", "specialist", {"recipient": "daniel"}, "1 of 20"),
         ("limb_repositioning", "specialist", {"robot": "fetch"}, "1 of 10"),
-        ("dressing", "learned", {"robot": "fetch"}, "0 of 4"),
+        pytest.param("dressing", "learned", {"robot": "fetch"}, "0 of 4", marks=pytest.mark.slow),
         ("ambulating", "learned", {"robot": "kinova_gen2"}, "robot kinova_gen2, level 1: 0 of 5"),
         ("ambulating", "learned", {"robot": "stretch_re1"}, "robot stretch_re1, level 1: 0 of 5"),
     ],

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from sensor_scene import POSTURES, STEPS, Array, Scene, arm_link, own_robot, person, urdf
+from variants import KINDS_OF_ROBOTS, every, few
 
 from rcare_marl import assets
 from rcare_marl.agents.people.human import FRICTION
@@ -76,7 +77,7 @@ TARED: Entry = {"kind": "wrist_wrench", "tare": True, "about": "tool"}
 
 
 @pytest.mark.parametrize("gripper", ["held", "free"])
-@pytest.mark.parametrize("posture", POSTURES)
+@pytest.mark.parametrize("posture", every(2, POSTURES))
 def test_wrist_feels_a_hanging_kilogram_in_any_posture(
     posture: tuple[float, ...], gripper: GripperUse
 ) -> None:
@@ -148,7 +149,7 @@ def test_wrist_feels_what_the_fingers_hold() -> None:
     assert force == pytest.approx((0, 0, -0.5 * GRAVITY), abs=0.02 * GRAVITY)
 
 
-@pytest.mark.parametrize("name", assets.names("robots"))
+@pytest.mark.parametrize("name", few(assets.names("robots"), *KINDS_OF_ROBOTS))
 def test_the_wrist_of_every_robot_feels_a_kilogram(name: str) -> None:
     config, world = load_robot(name), World()
     for arm, about in config.arms.items():

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 import pybullet as bullet
 import pytest
+from variants import few
 
 from rcare_marl.agents.sensing.proximity import ray_distances
 from rcare_marl.body import Body
@@ -151,7 +152,7 @@ def test_a_piece_looks_no_larger_than_it_says(kind: str, level: int) -> None:
     assert own.contains(Rectangle(low[0], low[1], high[0], high[1]))
 
 
-@pytest.mark.parametrize("level", LEVELS)
+@pytest.mark.parametrize("level", few(LEVELS, 1, 3))
 def test_every_joint_opens_by_hand_and_stays_within_its_range(level: int) -> None:
     pieces = [made(kind, level) for kind in JOINTED]
     with loaded(*pieces) as (world, bodies):

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 import pybullet as bullet
 import pytest
+from variants import few
 
 from rcare_marl.body import Body
 from rcare_marl.envs.homes.piece import Piece, Setting, make_piece
@@ -209,7 +210,7 @@ def test_what_opens_strikes_nothing_of_its_own(show: Show) -> None:
         body.set_joints([j.index for j in joints], [0.0] * len(joints))
 
 
-@pytest.mark.parametrize("level", LEVELS)
+@pytest.mark.parametrize("level", few(LEVELS, 1, 3))
 def test_everything_opens_and_shuts_by_the_force_allowed(level: int) -> None:
     show = Show(level, moving_only=True)
     limit = force_allowed(level)

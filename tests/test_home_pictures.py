@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from typer.testing import CliRunner
+from variants import few
 
 from rcare_marl.cli import app
 from rcare_marl.envs.homes.care_home import CareHome
@@ -69,7 +70,9 @@ def test_furniture_is_seen_from_above_on_its_footprint(home: CareHome) -> None:
 # --- where to stand
 
 
-@pytest.mark.parametrize("room", ["kitchen_1", "bathroom_1", "bedroom_1", "living_1"])
+@pytest.mark.parametrize(
+    "room", few(["kitchen_1", "bathroom_1", "bedroom_1", "living_1"], "kitchen_1", "bathroom_1")
+)
 def test_nobody_stands_in_something_tall_to_take_a_picture(home: CareHome, room: str) -> None:
     found = home_picture.best_vantage(home, room, ratio=RATIO)
     x, y, z = found.eye

@@ -8,6 +8,7 @@ import numpy as np
 import pybullet as bullet
 import pytest
 from device_scene import AVATARS, FAST, LEGS, depth, place, run
+from variants import few
 
 from rcare_marl.agents.people.avatar import load_avatar, load_posture
 from rcare_marl.agents.people.human import Human
@@ -111,7 +112,7 @@ def test_a_person_rises_with_the_bed() -> None:
     assert min(feet) > bed.mattress_height() - 0.02
 
 
-@pytest.mark.parametrize("knee", [0.0, 20.0])
+@pytest.mark.parametrize("knee", few([0.0, 20.0], 20.0))
 @pytest.mark.parametrize(
     "avatar", [pytest.param(a, marks=() if a in FAST else pytest.mark.slow) for a in AVATARS]
 )

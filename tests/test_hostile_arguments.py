@@ -20,7 +20,7 @@ from rcare_marl.envs.care_env import CareEnv
 from rcare_marl.envs.cast import HumanCast, RobotCast
 from rcare_marl.envs.registry import task_class
 
-FEW, MANY = 25, 2000  # examples of each kind
+FEW, MANY = 15, 2000  # examples of each kind
 TASKS = ("feeding", "toileting", "ambulating", "bathing")
 
 numbers = st.sampled_from(

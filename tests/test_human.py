@@ -10,6 +10,7 @@ from xml.etree import ElementTree
 import numpy as np
 import numpy.typing as npt
 import pytest
+from variants import every
 
 from rcare_marl import assets
 from rcare_marl.agents.people.actuation.skeletal import SkeletalDrive
@@ -428,7 +429,7 @@ def test_the_mouth_follows_head_and_jaw() -> None:
     assert human.mouth_position()[2] < mouth[2] - 0.01
 
 
-@pytest.mark.parametrize("avatar", AVATARS)
+@pytest.mark.parametrize("avatar", every(3, AVATARS))
 def test_forearms_lie_on_the_armrests_and_not_in_them(avatar: str) -> None:
     _, human = spawned(avatar)
     for side in set(SIDES) - set(human.posture.own_arms):

@@ -15,9 +15,9 @@ SPANS = ((15, 25), (50, 60))  # control steps in which chance moves the hand
     ("task", "place", "most"),
     [
         pytest.param("ambulating", {"level": 1}, 1.0, id="knob"),
-        pytest.param("ambulating", {"level": 2}, 1.0, id="lever"),
-        pytest.param("ambulating", {"level": 3}, 1.0, id="panel"),
-        pytest.param("scratching", {}, 0.3, id="itch"),
+        pytest.param("ambulating", {"level": 2}, 1.0, id="lever", marks=pytest.mark.slow),
+        pytest.param("ambulating", {"level": 3}, 1.0, id="panel", marks=pytest.mark.slow),
+        pytest.param("scratching", {}, 0.3, id="itch", marks=pytest.mark.slow),
         pytest.param("limb_repositioning", {}, 0.3, id="arm"),
         pytest.param("tooth_brushing", {}, 0.3, id="teeth", marks=pytest.mark.slow),
     ],

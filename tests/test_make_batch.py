@@ -66,6 +66,7 @@ def test_a_batch_plays_the_episodes_of_the_environments_that_make_gives(engine: 
                 alone.step({"robots": given[0].astype(np.float32)})
 
 
+@pytest.mark.slow
 def test_processes_give_what_this_process_gives() -> None:
     rows = []
     for processes in (0, 1):

@@ -22,7 +22,7 @@ from rcare_marl.agents.robots.robot_config import load_robot
 from rcare_marl.cli.app import app
 from rcare_marl.world import World
 
-QUICK = ("kinova_gen3", "ur5")
+QUICK = ("kinova_gen3",)
 ROBOTS = [
     pytest.param(name, marks=() if name in QUICK else pytest.mark.slow)
     for name in assets.names("robots")

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 import pytest
+from variants import few
 
 from rcare_marl import assets
 from rcare_marl.agents.people.actuation.muscle_unit import (
@@ -301,22 +302,7 @@ def test_a_skeleton_of_the_wrong_shape_is_refused() -> None:
         ours.fitted(np.full((55, 3), np.nan))
 
 
-@pytest.mark.parametrize("name", assets.names("avatars"))
-def test_muscles_of_every_avatar_stay_in_the_body(name: str) -> None:
-    avatar = load_avatar(name)
-    model = body_model(avatar.body_path(), avatar.height_m)
-    fitted = load_musculature().fitted(model.joints)
-    points = np.array(
-        [t_pose_position(point, fitted.joints) for unit in fitted.units for point in unit.path]
-    )
-    assert (points > model.vertices.min(axis=0) - 0.005).all()
-    assert (points < model.vertices.max(axis=0) + 0.005).all()
-    skin = model.vertices[::8].astype(np.float64)
-    distances = np.linalg.norm(points[:, None] - skin, axis=2).min(axis=1)
-    assert np.max(distances) < 0.12  # no point is far out of the skin, nor deeper than a trunk is
-
-
-@pytest.mark.parametrize("name", assets.names("avatars"))
+@pytest.mark.parametrize("name", few(assets.names("avatars"), "karan", "kim"))
 def test_muscles_of_every_avatar_pull_as_those_of_the_reference(name: str) -> None:
     """In the bands' postures, moment arms above 10 mm keep their sign and half of their size."""
     ours, avatar = load_musculature(), load_avatar(name)
@@ -425,7 +411,7 @@ def test_every_motion_overcomes_its_resting_antagonists() -> None:
             assert outward_torque(model, motion, share) > 0, (motion.name, motion.dof, share)
 
 
-@pytest.mark.parametrize("name", assets.names("avatars"))
+@pytest.mark.parametrize("name", few(assets.names("avatars"), "karan", "kim"))
 def test_every_avatar_can_open_the_mouth_and_sit_down_with_bent_hips(name: str) -> None:
     """Before any paresis: the jaw to 27 of 30 degrees, and hips of 90 degrees from their flexors alone."""
     model = muscle_model(name)

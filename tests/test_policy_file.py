@@ -14,9 +14,8 @@ from torch import nn, tensor
 
 import rcare_marl
 from rcare_marl.agents.agent import Array
-from rcare_marl.agents.policy import Policy
 from rcare_marl.baselines import trained
-from rcare_marl.baselines.evaluation.evaluate import evaluate, make_players, run_episode
+from rcare_marl.baselines.evaluation.evaluate import evaluate, make_players
 from rcare_marl.baselines.policy_file import LearnedPolicy, PolicyFile
 from rcare_marl.envs.care_env import CareEnv
 from rcare_marl.envs.learning import EnvRecipe, LearnerEnv
@@ -193,13 +192,6 @@ def test_a_file_stands_wherever_the_name_of_a_policy_does(env: CareEnv, tmp_path
         made = rcare_marl.make("feeding", **given)
         assert isinstance(made.policies["robot"], LearnedPolicy)
         made.close()
-
-
-def test_the_same_seed_gives_the_same_episode(env: CareEnv) -> None:
-    players: dict[str, Policy] = {"robot": LearnedPolicy(env, "robot", network(env))}
-    first = run_episode(env, players, 2)
-    run_episode(env, players, 3)
-    assert run_episode(env, players, 2) == first
 
 
 def test_a_camera_beside_what_was_learned_does_not_matter(env: CareEnv) -> None:

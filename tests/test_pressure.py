@@ -7,6 +7,7 @@ import math
 
 import numpy as np
 import pytest
+from variants import every
 
 from rcare_marl import assets
 from rcare_marl.agents.people.avatar import load_avatar, load_posture
@@ -96,7 +97,7 @@ def test_lying_loads_occiput_sacrum_and_heels() -> None:
     assert flat.peak("left_heel") == pytest.approx(flat.peak("right_heel"), rel=0.3)
 
 
-@pytest.mark.parametrize("name", assets.names("cushions"))
+@pytest.mark.parametrize("name", every(3, assets.names("cushions")))
 def test_every_cushion_bears_everybody_and_says_where_it_is_from(name: str) -> None:
     assert len(load_cushion(name).source) > 20
     found = pressure_map(sitting("kim"), chair(Pose(), name))

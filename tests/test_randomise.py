@@ -139,8 +139,8 @@ def test_what_cannot_be_is_refused_by_name(given: Any, said: str) -> None:
     ("task", "model", "factor"),
     [
         ("drinking", "kinova_gen3", 0.75),
-        ("drinking", "kinova_gen3", 1.0),
-        ("drinking", "pr2", 1.3),
+        pytest.param("drinking", "kinova_gen3", 1.0, marks=pytest.mark.slow),
+        pytest.param("drinking", "pr2", 1.3, marks=pytest.mark.slow),
         ("feeding", "stretch_re1_dex", 1.0),
     ],
 )

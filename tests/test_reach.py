@@ -24,7 +24,7 @@ def gap(env: CareEnv) -> float:
 @pytest.mark.parametrize(
     ("task", "robot", "recipient"),
     [
-        ("bathing", "pr2", "morgan"),
+        pytest.param("bathing", "pr2", "morgan", marks=pytest.mark.slow),
         ("bathing", "pepper", "jose"),
         pytest.param("bathing", "pepper", "daniel", marks=pytest.mark.slow),
         pytest.param("dressing", "fetch", "daniel", marks=pytest.mark.slow),

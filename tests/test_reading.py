@@ -47,7 +47,7 @@ from rcare_marl.model.urdf_reader import read as read_urdf
 
 Reader = Callable[[Path], Any]
 SEED = 27
-FEW, MANY = 30, 1000  # files of each kind
+FEW, MANY = 16, 1000  # files of each kind
 
 BVH = """HIERARCHY
 ROOT Hips

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pytest
+from variants import few
 
 from rcare_marl.agents.coaching.exercise import Exercise, KeyPose
 from rcare_marl.agents.coaching.recognition.recogniser import PoseSource, Repetition
@@ -100,7 +101,7 @@ def said(source: str, one: dict[str, Any], rng: np.random.Generator) -> list[Rep
     return found
 
 
-@pytest.mark.parametrize("source", SOURCES)
+@pytest.mark.parametrize("source", few(SOURCES, "joints", "landmarks"))
 def test_real_people_are_told_right_from_wrong_by_every_source(source: str) -> None:
     right, wrong = list[bool](), list[bool]()
     for number, one in enumerate(repetitions()):

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from episode import play
+from variants import few
 
 import rcare_marl
 from rcare_marl.agents.people.human import Human
@@ -26,7 +27,7 @@ def step(before: Refusal, **changes: Any) -> Refusal:
     return before.after(**{**usual, **changes})
 
 
-@pytest.mark.parametrize("task", TASKS)
+@pytest.mark.parametrize("task", few(TASKS, "feeding", "bathing"))
 def test_who_refuses_from_the_start_is_offered_three_times_and_then_left_alone(task: str) -> None:
     env = refusing(task, "behaviour")
     env.reset(seed=0)
@@ -42,7 +43,7 @@ def test_who_refuses_from_the_start_is_offered_three_times_and_then_left_alone(t
 @pytest.mark.parametrize("task", TASKS)
 def test_a_no_in_the_middle_ends_the_touch_gently(task: str) -> None:
     env = refusing(task)
-    for seed in range(2):
+    for seed in range(1 if task == "drinking" else 2):
         play(env, seed)
         assert env.task.succeeded()
         assert env.task.report()["pressed_after_no_n"] <= GENTLE

@@ -28,7 +28,6 @@ QUICK = (  # the core; every other row is slow
     "drinking-skeletal-resisting",
     "feeding-skeletal-cooperative",
     "feeding-unit-random",
-    "social_coaching-skeletal-default",
 )
 
 

@@ -7,6 +7,7 @@ import math
 
 import numpy as np
 import pytest
+from variants import every
 
 from rcare_marl.agents.coaching.exercise import Exercise, exercise_names, load_exercise
 from rcare_marl.agents.coaching.imitation import Imitation, raised_sides, reach_of
@@ -164,7 +165,7 @@ def adapted(name: str, exercise: str) -> Exercise:
     return load_exercise(exercise).adapted(reach_of(load_avatar(name).profile))
 
 
-@pytest.mark.parametrize("name", PEOPLE)
+@pytest.mark.parametrize("name", every(2, PEOPLE))
 def test_who_imitates_does_what_is_shown_within_their_range(name: str) -> None:
     avatar = load_avatar(name)
     limits = avatar.profile.limits("active")

@@ -42,7 +42,10 @@ def first_force(task: str, robot: str, person: str, seeds: int = 1) -> float:
         env.close()
 
 
-@pytest.mark.parametrize(("task", "robot", "person"), KNOWN)
+@pytest.mark.parametrize(
+    ("task", "robot", "person"),
+    [KNOWN[0], *(pytest.param(*case, marks=pytest.mark.slow) for case in KNOWN[1:])],
+)
 def test_a_robot_that_does_nothing_presses_nobody_at_the_start(
     task: str, robot: str, person: str
 ) -> None:

@@ -115,19 +115,6 @@ def test_the_hand_starts_clear_of_the_toilet_and_elsewhere_each_time(scripted: C
     assert (np.ptp(places, axis=0) > 0.02).all()
 
 
-def test_an_episode_is_a_function_of_its_seed(scripted: CareEnv) -> None:
-    tracks = []
-    for seed in (3, 4, 3):
-        scripted.reset(seed=seed)
-        track = [scripted.state()]
-        while not scripted.is_over:
-            scripted.step({})
-            track.append(scripted.state())
-        tracks.append(np.array(track))
-    np.testing.assert_array_equal(tracks[0], tracks[2])
-    assert not np.array_equal(tracks[0][0], tracks[1][0])
-
-
 def test_the_paper_reward_is_the_angle_of_the_lid(scripted: CareEnv) -> None:
     scripted.reset(seed=0)
     task = task_of(scripted)
@@ -243,7 +230,7 @@ def test_the_lid_of_a_house_is_lifted_in_its_bathroom(home: str, level: int) -> 
 
 @pytest.mark.parametrize(
     ("level", "every"),
-    [(1, 9), (2, 9), (3, 9), *(pytest.param(n, 3, marks=pytest.mark.slow) for n in LEVELS)],
+    [(1, 9), (3, 9), *(pytest.param(n, 3, marks=pytest.mark.slow) for n in LEVELS)],
 )
 def test_every_house_has_a_toilet_at_which_there_is_room(level: int, every: int) -> None:
     for name in home_names()[level - 1 :: every]:

@@ -14,6 +14,7 @@ import pytest
 from urdf_files import BODY, LIMIT, arm, hull_file, joint, link, urdf
 from urdf_files import cache as cache
 from urdf_files import own_cache as own_cache  # both for pytest, which uses what it finds here
+from variants import KINDS_OF_ROBOTS, few
 
 from rcare_marl import assets
 from rcare_marl.config import load
@@ -59,7 +60,7 @@ def forward(model: Model, positions: dict[str, float]) -> dict[str, Pose]:
 # What is read.
 
 
-@pytest.mark.parametrize("name", ROBOTS)
+@pytest.mark.parametrize("name", few(ROBOTS, *KINDS_OF_ROBOTS))
 def test_our_robots_come_back_as_they_were_written(name: str) -> None:
     model = load(Model, assets.ROOT / "robots" / name / "model.yaml")
     back = read(write(model))

@@ -7,6 +7,9 @@ from typing import Any
 
 import pytest
 
+# An arm that stands, one on a telescope, two arms, and light hands on a body that leans.
+KINDS_OF_ROBOTS = ("kinova_gen3", "stretch_re1", "pr2", "pepper")
+
 
 def few(values: Iterable[Any], *quick: Any) -> list[Any]:
     """Return values as parameters; all but `quick` are slow."""

@@ -77,7 +77,14 @@ class Gripper:
         for name, joint in model.joints.items():
             if joint.follows is not None and joint.follows.joint == config.joint:
                 self.joints[name] = (joint.follows.multiplier, joint.follows.offset)
-        self._chain = self._way_to_the_fingers()
+        chain = self._way_to_the_fingers()
+        self._still = {model.root: Pose()}  # links that no finger's joint moves
+        for name, joint in chain.items():
+            if name not in self.joints and joint.parent in self._still:
+                self._still[joint.child] = self._still[joint.parent] @ joint_pose(joint, 0.0)
+        self._moved = {
+            name: joint for name, joint in chain.items() if joint.child not in self._still
+        }
         self._indices: list[int] = []
         self.start = config.opened if width is None else self.position_for(width)
         self.target = self.start
@@ -94,8 +101,8 @@ class Gripper:
     def width(self, position: float) -> float:
         """Return the gap between the pads when the driven joint is at `position` [m]."""
         positions = self.positions(position)
-        poses = {self._model.root: Pose()}
-        for name, joint in self._chain.items():
+        poses = dict(self._still)
+        for name, joint in self._moved.items():
             poses[joint.child] = poses[joint.parent] @ joint_pose(joint, positions.get(name, 0.0))
         first, second = (
             np.asarray((poses[link] @ Pose(pad)).position)

@@ -282,6 +282,9 @@ _ARM_DOFS = (
     "elbow_flexion",
     "elbow_pronation",
 )
+# What is found by what it depends on, the latest: each arm is laid anew whenever somebody is put there.
+_LAID: dict[tuple[object, ...], Array] = {}
+_MOST_LAID = 512
 _FOREARM_DOWN = 0.75  # weight of a palm that looks down, against centimetres of position error
 
 
@@ -338,7 +341,13 @@ def lay_arm(
         return np.array([*error, *(0.004 * (x - start))])
 
     start = out[chosen].copy()
-    out[chosen] = _least_squares(residual, start, bounds)
+    on = (model.joints, out, base, to_pad, bounds)
+    key = (side, clearance, *(np.asarray(value).tobytes() for value in on))
+    if key not in _LAID:
+        if len(_LAID) >= _MOST_LAID:
+            del _LAID[next(iter(_LAID))]
+        _LAID[key] = _least_squares(residual, start, bounds)
+    out[chosen] = _LAID[key]
     return out
 
 
