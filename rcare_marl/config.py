@@ -19,9 +19,7 @@ from .errors import ConfigError, UnknownNameError, check_name, shown
 from .reading import DEPTH, read_text, reason
 
 LARGEST_YAML = 8 << 20  # [bytes]
-KEPT_YAML = (
-    1 << 16
-)  # [characters] up to which what a text says is kept: a scene reads its files anew
+KEPT_YAML = 1 << 16  # [characters] up to which what a text says is kept: scenes read files anew
 MOST_PARTS = 300_000  # of a YAML file, aliases written out
 LARGEST_NUMBER = 1 << 64
 

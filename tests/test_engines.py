@@ -77,7 +77,7 @@ def test_people_act_by_muscles_too() -> None:
 
 @pytest.mark.parametrize("task", ["feeding", "limb_repositioning"])
 def test_reset_one_second_of_the_same_actions_and_presses_are_bullets(task: str) -> None:
-    found = parity.bench(task, seed=20, postures=15)
+    found = parity.bench(task, seed=20, postures=20)
     assert found["met"], found
 
 

@@ -167,7 +167,7 @@ class ObservingFeeding(ScriptedFeeding):
         return dataclasses.replace(
             self._task.state,
             bowl=see["bowl_position"],
-            turn=np.array((tool @ self._task.spoon_in_tool).quaternion),
+            turn=np.array((tool @ self._task.tool_for(Pose()).inverse()).quaternion),
             mouth=see["bowl_position"] + way,
             face=unit(see["face_direction"]),
             distance=float(np.linalg.norm(way)),

@@ -156,11 +156,6 @@ class Feeding(Meal):
         """Return the pose of the tool with the bowl of the spoon at a pose."""
         return bowl @ self._spoon.frame("bowl").inverse() @ self._spoon.in_tool.inverse()
 
-    @property
-    def spoon_in_tool(self) -> Pose:
-        """How the spoon lies in the hand."""
-        return self._spoon.in_tool
-
     def _set_spoon(self, bowl: Pose) -> None:
         """Put the robot where the bowl of the spoon in its hand is at `bowl`."""
         self.robot.set_tool(self.tool_for(bowl))
