@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,7 +11,7 @@ from typer.testing import CliRunner
 
 from rcare_marl.agents.people.validation.body import checks
 from rcare_marl.agents.people.validation.check import Check
-from rcare_marl.agents.people.validation.people import Tally, tallies
+from rcare_marl.agents.people.validation.people import Tally, as_rows, tallies
 from rcare_marl.cli import app
 
 ROW = Check("torque", "elbow", 50.0, 40.0, 60.0, "N·m", "somebody 1999", "read", is_fitted=True)
@@ -44,5 +45,10 @@ def test_the_command_leaves_rows_and_a_page_and_names_the_nearest_family(tmp_pat
     rows = json.loads(record.read_text(encoding="utf-8"))
     assert len(rows) == len(checks()) and {"split", "in_band", "source"} <= rows[0].keys()
     assert "de Leva 1996" in page.read_text(encoding="utf-8")
+    assert json.loads(CliRunner().invoke(app, [*args[:4], "--json"]).output) == rows
     wrong = CliRunner().invoke(app, ["validate", "people", "--family", "bodi"])
     assert wrong.exit_code == 2 and "body" in wrong.output
+
+
+def test_a_band_without_an_end_is_null_in_json() -> None:
+    assert as_rows([replace(ROW, high=math.inf)])[0]["high"] is None

@@ -34,7 +34,10 @@ def run(
     if record is not None:
         import json
 
-        write_whole(record, (json.dumps(rows, indent=1, ensure_ascii=False) + "\n").encode())
+        write_whole(
+            record,
+            (json.dumps(rows, indent=1, ensure_ascii=False, allow_nan=False) + "\n").encode(),
+        )
     if page is not None:
         write_whole(page, page_text(checks, families).encode())
     if as_json:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -63,5 +64,9 @@ def tallies(checks: Sequence[Check]) -> list[Tally]:
 
 
 def as_rows(checks: Sequence[Check]) -> list[dict[str, Any]]:
-    """Return plain values of checks, their verdicts too."""
-    return [{**asdict(c), "split": c.split, "in_band": c.is_in_band} for c in checks]
+    """Return plain values of checks, their verdicts too; None is the end of a band that has none."""
+    out = []
+    for check in checks:
+        row = {k: None if v in (math.inf, -math.inf) else v for k, v in asdict(check).items()}
+        out.append({**row, "split": check.split, "in_band": check.is_in_band})
+    return out
