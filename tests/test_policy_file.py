@@ -26,6 +26,7 @@ from rcare_marl.envs.task import part_name
 from rcare_marl.errors import ConfigError
 
 HIDDEN = (16, 16)
+LONG = ("dressing", "scratching_everybody")  # which take long to make
 
 
 def network(env: CareEnv, role: str = "robot", **changes: Any) -> PolicyFile:
@@ -384,7 +385,7 @@ def test_a_shipped_policy_that_does_not_fit_the_cast_is_not_the_default(
 @pytest.mark.parametrize(
     "file",
     [
-        pytest.param(file, id=file.stem, marks=pytest.mark.slow if file.stem == "dressing" else ())
+        pytest.param(file, id=file.stem, marks=pytest.mark.slow if file.stem in LONG else ())
         for file in sorted(trained.FOLDER.glob("*.npz"))
     ],
 )
