@@ -205,7 +205,7 @@ def _fit(joint: str, points: Array, model: BodyModel) -> tuple[Shape, ...]:
     if kind in ("ankle", "foot", "wrist"):
         return (_box(points),)
     if kind in ("pelvis", "spine1", "spine2", "spine3", "jaw"):
-        return (_capsule(points, axis=0),)
+        return (_capsule(points, axis=0, is_top=kind == "spine3"),)
     if kind == "head":
         level = np.quantile(points[:, 1], 0.5)
         cranium = points[points[:, 1] > level]
@@ -233,13 +233,19 @@ def frame_along(direction: Array) -> Array:
     return np.column_stack((first, np.cross(direction, first), direction))
 
 
-def _capsule(points: Array, *, axis: int) -> Shape:
-    """Fit a capsule along a coordinate axis: as thick as the thinner of the two other extents."""
+def _capsule(points: Array, *, axis: int, is_top: bool = False) -> Shape:
+    """Fit a capsule along a coordinate axis: as thick as the thinner of the two other extents.
+
+    Args:
+        points: Of the skin [m], shape [n, 3].
+        axis: Which.
+        is_top: Whether it is the top of the trunk, which may not rise above its skin, before chin and mouth.
+    """
     low, high = np.quantile(points, 0.03, axis=0), np.quantile(points, 0.97, axis=0)
     half = (high - low) / 2
     others = [k for k in range(3) if k != axis]
     radius = max(0.004, float(half[others].min()))
-    if axis == 0:  # the trunk: deep rather than high, so that neighbours overlap into one body
+    if axis == 0 and not is_top:  # the trunk: deep rather than high, so that neighbours make one body
         radius = max(radius, float(half[2])) if half[0] > half[2] else radius
     length = max(0.001, 2 * float(half[axis]) - 2 * radius)
     return Shape("capsule", (length, radius), (low + high) / 2, frame_along(np.eye(3)[axis]))
