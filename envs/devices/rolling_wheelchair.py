@@ -63,7 +63,7 @@ class ManualWheelchair(Device):
 
     def fit_footplates(self, left: Vector, right: Vector) -> None:
         """Move the footplates under a person's soles, given in the chair's frame [m], before `spawn`."""
-        self.model = with_plates(self.model, *plates_under(left, right))
+        self.model = with_plates(self.model, plates_under(left, right))
 
     def spawn(self, world: World, pose: Pose = Pose(), *, name: str = "") -> Body:
         body = super().spawn(world, pose, name=name)
@@ -251,9 +251,10 @@ class PoweredWheelchair(Wheelchair):
         self._place_feet()
 
     def fit_footplates(self, left: Vector, right: Vector) -> None:
-        ahead, aside, up = plates_under(left, right)
-        places = {f"footplate_{side}": (ahead, sign * aside, up) for side, sign in SIDES.items()}
-        self.model = self.model.with_frames(places)
+        places = plates_under(left, right)
+        ahead, _, up = min(places.values(), key=lambda place: place[2])  # one board bears both
+        places = {side: (ahead, aside, up) for side, (_, aside, _) in places.items()}
+        self.model = self.model.with_frames({f"footplate_{s}": p for s, p in places.items()})
         self._place_feet()
 
     def _place_feet(self) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import TYPE_CHECKING, Literal
 
 from rcare_marl.agents.people.human import Human
@@ -26,27 +26,34 @@ if TYPE_CHECKING:
 SIDES = {"left": 1, "right": -1}
 LOWEST_POST = 0.1  # [m]; what is mounted lower stands on the floor
 LOWEST_PLATE = 0.05  # [m] of footplates over the floor; our own choice
+PLATE_STEP = 0.025  # [m] between the holes that a footrest's height is set by; our own choice
 EDGE = 0.002  # [m] by which contacts with a pad may lie beside it; our own choice
 
 
-def plates_under(left: Vector, right: Vector) -> Triple:
-    """Return where footplates go under soles, given in the chair [m]: ahead, to each side, and up.
+def plates_under(left: Vector, right: Vector) -> dict[str, Triple]:
+    """Return where footplates go under soles, given in the chair [m], by side: ahead, aside, and up.
 
-    Both plates stand at one height and distance: under the lower foot.
+    Both stand where the lower foot is, or a number of `PLATE_STEP` higher, under a foot that is so much higher.
     """
+    soles = {"left": left, "right": right}
     low = left if left[2] < right[2] else right
-    return float(low[0]), 0.5 * float(left[1] - right[1]), max(float(low[2]), LOWEST_PLATE)
-
-
-def with_plates(model: DeviceModel, ahead: float, aside: float, up: float) -> DeviceModel:
-    """Return a chair whose footplates, with the ends of their hangers, are elsewhere [m]."""
+    lowest, aside, out = max(float(low[2]), LOWEST_PLATE), 0.5 * float(left[1] - right[1]), {}
     for side, sign in SIDES.items():
+        steps = max(int((float(soles[side][2]) - lowest) / PLATE_STEP), 0)
+        under = soles[side] if steps else low
+        out[side] = (float(under[0]), sign * aside, lowest + steps * PLATE_STEP)
+    return out
+
+
+def with_plates(model: DeviceModel, places: Mapping[str, Triple]) -> DeviceModel:
+    """Return a chair whose footplates, with the ends of their hangers, are elsewhere [m], by side."""
+    for side, (ahead, aside, up) in places.items():
         name, link = f"footplate_{side}", f"footrest_{side}"
-        frame, place = model.frames[name], (ahead, sign * aside, up)
+        frame, place = model.frames[name], (ahead, aside, up)
         x, y, z = (new - old for new, old in zip(place, frame.position, strict=True))
         (plate, hanger), (solid,) = model.links[link].visual, model.links[link].collision
         tilt, under = math.radians(-frame.rpy_deg[1]), 0.5 * plate.size[2]
-        middle = (ahead + under * math.sin(tilt), sign * aside, up - under * math.cos(tilt))
+        middle = (ahead + under * math.sin(tilt), aside, up - under * math.cos(tilt))
         a, b, c = (m - o for m, o in zip(middle, model.link_pose(link).position, strict=True))
         *above, ankle, end = hanger.points
         points = (
@@ -156,11 +163,8 @@ class Wheelchair(Device):
         return chair(self.frame_in_world("seat_back"), cushion)
 
     def fit_footplates(self, left: Vector, right: Vector) -> None:
-        """Move the footplates under a person's soles, given in the chair's frame [m], before `spawn`.
-
-        Both plates stand at one height and distance: under the lower foot.
-        """
-        self.model = with_plates(self.model, *plates_under(left, right))
+        """Move the footplates under a person's soles, given in the chair's frame [m], before `spawn`."""
+        self.model = with_plates(self.model, plates_under(left, right))
 
     def fit_seat(self, front: float) -> None:
         """Shorten a longer seat so that it ends `front` [m] ahead of the origin; before `spawn`."""
