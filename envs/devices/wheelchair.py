@@ -33,7 +33,7 @@ EDGE = 0.002  # [m] by which contacts with a pad may lie beside it; our own choi
 def plates_under(left: Vector, right: Vector) -> dict[str, Triple]:
     """Return where footplates go under soles, given in the chair [m], by side: ahead, aside, and up.
 
-    Both stand where the lower foot is, or a number of `PLATE_STEP` higher, under a foot that is so much higher.
+    Both stand where the lower foot is, or, under a foot that is higher by whole `PLATE_STEP`, so much higher.
     """
     soles = {"left": left, "right": right}
     low = left if left[2] < right[2] else right

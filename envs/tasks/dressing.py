@@ -297,6 +297,10 @@ class Dressing(Task):
         is_on = state.is_around & self._comes_to(state.along, self.leg.shank)
         return is_on & state.is_past & is_down
 
+    def is_failure(self, state: DressingState) -> Values:
+        """Return whether the waistband was let go before the hem was at its target: nobody takes it up."""
+        return np.logical_not(state.is_held | state.is_past)
+
     def camera(self) -> Camera:
         return Camera(eye=(1.15, -1.6 * self.outward, 1.4), target=(0.55, -0.1, 0.68), fov_deg=54)
 
