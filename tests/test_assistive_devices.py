@@ -18,6 +18,7 @@ from rcare_marl.envs.devices import (
     TransferBench,
     make_device,
 )
+from rcare_marl.envs.devices.wheelchair import LOWEST_PLATE, PLATE_STEP, plates_under
 from rcare_marl.errors import ActionError, ConfigError, UnknownNameError, WorldError
 from rcare_marl.pose import Pose
 from rcare_marl.world import SOLVER_ITERATIONS, World
@@ -259,6 +260,18 @@ def test_rests_of_the_wheelchair_carry_their_frames_away() -> None:
         plate = chair.frame_in_world(f"footplate_{side}").position
         assert sign * plate[1] > 0.35 and plate[0] < 0.3  # beside the seat
         assert chair.frame_in_world(f"armrest_{side}").position[0] < -0.2  # behind it
+
+
+def test_a_foot_that_is_steps_higher_has_its_plate_so_much_higher() -> None:
+    def plates(left: float, right: float) -> dict[str, tuple[float, ...]]:
+        found = plates_under((0.5, 0.2, left), (0.6, -0.2, right))
+        return {side: tuple(round(x, 6) for x in place) for side, place in found.items()}
+
+    level = plates(0.20, 0.22)  # less than a step apart: both where the lower foot is
+    assert level == {"left": (0.5, 0.2, 0.2), "right": (0.5, -0.2, 0.2)}
+    assert plates(0.13, 0.22) == {"left": (0.5, 0.2, 0.13), "right": (0.6, -0.2, 0.205)}
+    assert plates(0.12, 0.01)["right"] == (0.6, -0.2, LOWEST_PLATE)  # not on the floor
+    assert plates(0.12, 0.01)["left"] == (0.5, 0.2, LOWEST_PLATE + 2 * PLATE_STEP)
 
 
 # ---- bench, board, lift

@@ -20,6 +20,7 @@ from rcare_marl.agents.people.body.bake.fit import fit_body
 from rcare_marl.agents.people.body.bake.girth import GIRTHS, girths
 from rcare_marl.agents.people.body.body_spec import BodySpec, body_recipe
 from rcare_marl.agents.people.body.skeleton import JOINT_INDEX
+from rcare_marl.agents.people.sampling.population import find_avatar
 from rcare_marl.config import load
 from rcare_marl.errors import ConfigError, UnknownNameError
 
@@ -52,6 +53,17 @@ def test_anybody_has_their_stature_and_mass(sex: str, age: int, height: float, m
     assert abs(body.height - height) < 1e-3
     assert abs(body.mass - mass) < 0.5
     assert np.isfinite(body.mesh.vertices).all()
+
+
+@pytest.mark.parametrize("who", ["daniel", "population:train:807", "population:train:709"])
+def test_no_trunk_rises_above_its_own_skin_before_the_chin(who: str) -> None:
+    avatar = find_avatar(who)  # two of them weigh 121 and 106 kg
+    path = avatar.body_path()
+    model = body_model(path, avatar.height_m)
+    shape = body_segments(path, avatar.height_m, avatar.mass_kg, avatar.sex)["spine3"].shapes[0]
+    top = JOINT_INDEX["spine3"]
+    skin = model.vertices[model.owner == top][:, 1]
+    assert model.joints[top][1] + shape.centre[1] + shape.size[1] < np.quantile(skin, 0.97) + 0.001
 
 
 @pytest.mark.slow
