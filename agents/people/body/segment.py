@@ -245,7 +245,7 @@ def _capsule(points: Array, *, axis: int, is_top: bool = False) -> Shape:
     half = (high - low) / 2
     others = [k for k in range(3) if k != axis]
     radius = max(0.004, float(half[others].min()))
-    if axis == 0 and not is_top:  # the trunk: deep rather than high, so that neighbours make one body
+    if axis == 0 and not is_top:  # the trunk: deep rather than high, so that neighbours overlap
         radius = max(radius, float(half[2])) if half[0] > half[2] else radius
     length = max(0.001, 2 * float(half[axis]) - 2 * radius)
     return Shape("capsule", (length, radius), (low + high) / 2, frame_along(np.eye(3)[axis]))
