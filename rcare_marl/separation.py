@@ -6,14 +6,14 @@ Bullet looks at every pair of links that it is asked about, however far apart th
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numba
 import numpy as np
 
 from rcare_marl.bullet import bullet
 
-from .pose import Array, Pose, matrix_from_quaternion
+from .pose import Array, Pose, Vector, matrix_from_quaternion
 
 if TYPE_CHECKING:
     from .body import Body
@@ -26,6 +26,26 @@ SLACK = (
 WAY = 0.02  # [m] that things go in a control step, mostly; our own choice
 FEW = 8  # links, and half of all, up to which it is faster to ask for each; our own choice
 ROUND = ("box", "capsule", "sphere")  # shapes whose boxes we know
+
+
+class Near(NamedTuple):
+    """Where a link of a body is near something else.
+
+    Attributes:
+        link: Index of the link.
+        other: Index of the link of the other.
+        point: Where on the first, in the world [m].
+        away: Direction from the other to the link there, of length 1.
+        gap: How far that is [m], negative in overlap.
+        coming: How fast the other comes that way [m/s].
+    """
+
+    link: int
+    other: int
+    point: tuple[float, float, float]
+    away: tuple[float, float, float]
+    gap: float
+    coming: float
 
 
 class LinkBoxes:
@@ -140,6 +160,23 @@ class SeparationQuery:
             a.uid, b.uid, within, link_a, link_b, physicsClientId=self._client
         )
         return min([within, *[point[8] for point in points]]) if points else within
+
+    def near(self, a: Body, b: Body, within: float, link_b: int) -> list[Near]:
+        """Return where links of `a` are no farther than `within` [m] from a link of `b`, or from all."""
+        points = bullet.getClosestPoints(
+            a.uid, b.uid, within, ALL_LINKS, link_b, physicsClientId=self._client
+        )
+        moved = {link: np.array(b.centre_state(link)) for link in {p[4] for p in points or ()}}
+        return [
+            Near(p[3], p[4], p[5], p[7], p[8], _speed_along(p[7], p[5], moved[p[4]]))
+            for p in points or ()
+        ]
+
+
+def _speed_along(way: Vector, point: Vector, state: Array) -> float:
+    """Return how fast a point [m] of a link goes along a way [m/s]; see `Body.centre_state`."""
+    velocity = state[7:10] + np.cross(state[10:], np.subtract(point, state[:3]))
+    return float(velocity @ np.array(way))
 
 
 def _are_round(shapes: Sequence[VisualShape]) -> bool:

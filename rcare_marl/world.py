@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from rcare_marl.bullet import bullet
-from rcare_marl.separation import ALL_LINKS, SeparationQuery
+from rcare_marl.separation import ALL_LINKS, Near, SeparationQuery
 from rcare_marl.sleeping import SleepingBodies
 
 from .attachment import Attachment
@@ -445,6 +445,17 @@ class World:
             return self._separations.exact(a, b, within, links[0], other)
         own = [(a, link) for link in self._separations.boxes(a).links]
         return min(self.gaps(own, b, within=within), default=within)
+
+    def near(self, a: Body, b: Body, *, within: float, link: int = ALL_LINKS) -> list[Near]:
+        """Return where the links of a body are no farther than `within` [m] from those of another.
+
+        Args:
+            a: A body.
+            b: Another.
+            within: How far to look [m].
+            link: The link of `b` that alone counts, -1 its base; all by default.
+        """
+        return self._separations.near(a, b, within, link)
 
     def gaps(
         self,

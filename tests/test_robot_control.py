@@ -15,6 +15,7 @@ from rcare_marl.agents.robots.joint_group import JointGroup
 from rcare_marl.agents.robots.robot import Robot
 from rcare_marl.agents.robots.robot_check import CONTROL_DT, advance, spawned, still
 from rcare_marl.agents.robots.robot_config import load_robot
+from rcare_marl.bullet import bullet
 from rcare_marl.pose import Array, Pose, quaternion_from_rpy
 from rcare_marl.world import GRAVITY, World
 
@@ -212,3 +213,33 @@ def test_a_tilted_telescope_is_held_in_every_mode_that_carries_weight() -> None:
         advance(world, robot, still(robot), 3.0)
         assert np.abs(robot.arm.positions() - start).max() < 0.005, control
         world.close()
+
+
+@pytest.mark.parametrize("heeds", [True, False])
+def test_an_arm_does_not_touch_what_it_is_kept_clear_of(heeds: bool) -> None:
+    world, robot = spawned(load_robot("kinova_gen3"))
+    x, y, z = robot.tool_pose().position
+    wall = world.add_box((0.1, 2.0, 2.0), Pose((x + 0.3, y, z)), name="wall")
+    gaps = []
+    for _ in range(30):
+        near = world.near(robot.body, wall, within=0.06)
+        robot.control.near = near if heeds else ()
+        advance(world, robot, np.array((1.0, 0.0, 0.0, 0.0, 0.0, 0.0)), CONTROL_DT)
+        gaps.append(min((there.gap for there in near), default=0.06))
+    assert (min(gaps) > 0.003) is heeds
+    assert gaps[-1] < 0.02
+
+
+def test_an_arm_goes_out_of_the_way_of_what_comes() -> None:
+    world, robot = spawned(load_robot("kinova_gen3"))
+    x, y, z = robot.tool_pose().position
+    ball = world.add_sphere(0.15, Pose((x + 0.4, y, z)), mass=5.0)
+    touched = 0.0
+    for step in range(25):
+        ball.set_base(Pose((x + 0.4 - 0.02 * step, y, z)))
+        bullet.resetBaseVelocity(ball.uid, (-0.2, 0.0, 0.5), physicsClientId=world.client)
+        robot.control.near = world.near(robot.body, ball, within=0.06)
+        advance(world, robot, np.zeros(6), CONTROL_DT)
+        touched = max(touched, world.contact_force(robot.body, ball))
+    assert robot.tool_pose().position[0] < x
+    assert touched == 0.0

@@ -187,6 +187,10 @@ class Chain:
         """Return the geometric Jacobian of the tip, three linear rows first, shape [6, n]."""
         return _jacobian(self.arrays, self.tip, positions)
 
+    def point_jacobian(self, positions: Array, part: int, point: Array) -> Array:
+        """Return how a point [m] of the part that the joint number `part` moves goes, shape [3, n]."""
+        return _point_jacobian(self.arrays, positions, part, point)
+
     def gravity_torques(self, positions: Array) -> Array:
         """Return the torques that hold the chain still [N·m or N], shape [n]."""
         return _gravity_torques(self.arrays, positions)
@@ -250,6 +254,13 @@ def _jacobian(arrays, tip, q):  # type: ignore[no-untyped-def]
     tree, frames, here = Tree(*arrays), new_frames(len(q)), np.empty((3, 4))
     place_chain(tree, tip, q, frames, here)
     return jacobian(tree, frames, len(q) - 1, here[:, 3])
+
+
+@numba.njit(cache=True)
+def _point_jacobian(arrays, q, part, point):  # type: ignore[no-untyped-def]
+    tree, frames = Tree(*arrays), new_frames(len(q))
+    place(tree, range(len(q)), q, frames)
+    return jacobian(tree, frames, part, point)[:3].copy()
 
 
 @numba.njit(cache=True)

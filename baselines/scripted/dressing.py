@@ -32,8 +32,6 @@ SWAY = 1.5  # [s] there and back
 SPARE = 0.03  # [m] that it pulls beyond where the task expects it to need to
 OFF = (0.0, 0.02, 0.04, 0.06)  # [m] off the leg: another after each stall, and from the first again
 MOST_OFF = 0.06  # [m] off the leg for its thigh
-CLOSE, NEARING = 0.006, 3.0  # [m] from trunk and arms, at least; [1/s] as it comes near them
-RETREAT = 0.05  # [m/s] along the leg, from which on it goes away from them
 BENT, UP = 0.03, 0.015  # [m] from the thigh, while the leg is bent and when it is up
 SHY = 8.0  # [1/s] to keep that
 YIELDING = (0.5, 0.8)  # of the force limit: where the pull gets slower, and where it goes back
@@ -61,7 +59,7 @@ class ScriptedDressing(ToolScript[Dressing]):
         tool = self._robot.tool_pose()
         here = np.array(tool.position)
         goal = self._goal(here)
-        wished = self._kept_clear(limited(GAIN * (goal - here), FAST))
+        wished = limited(GAIN * (goal - here), FAST)
         action = self._robot.tool_action(wished, turning(self._turn, tool.quaternion))
         return np.concatenate((action, np.full(self._others, -1.0 if self._left else 0.0)))
 
@@ -96,15 +94,6 @@ class ScriptedDressing(ToolScript[Dressing]):
         if is_up and lag > CAUGHT:
             self._caught += task.control_dt
         return goal + (0.0, -task.outward * self._inward(), 0.0)
-
-    def _kept_clear(self, wished: Array) -> Array:
-        """Return a velocity [m/s] that comes near trunk and arms slowly, and not too near, shape [3]."""
-        task = self._task
-        onward = task.leg.direction(task.leg.shank + task.leg.thigh)
-        most = NEARING * (task.state.trunk_gap - CLOSE)
-        if float(wished @ onward) > -RETREAT:
-            wished = limited(wished, max(most, 0.0))
-        return wished + min(most, 0.0) * onward
 
     def _keep_off(self, is_up: bool) -> None:
         """Go farther off the leg where its thigh comes near, and back again; the more while it is bent."""

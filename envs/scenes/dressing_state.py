@@ -31,8 +31,8 @@ class DressingState(State):
     tool: Array  # where the robot's tool is [m], shape [3]
     joints: Array  # ankle, knee and hip [m], shape [3, 3]
     to_lifted: Array  # from the ankle to where it is when the leg is up [m], shape [3]
-    trunk_gap: float  # from the robot to trunk and arms [m], `start_posture.ROOM` at most
-    thigh_gap: float  # from the robot to the thigh [m], `THIGH_SEEN` at most
+    trunk_gap: float  # from the robot to trunk and arms [m], `SEEN` at most
+    thigh_gap: float  # from the robot to the thigh [m], `SEEN` at most
     raised: float  # from where the foot is to where it stood [m]
     cloth_force: float  # with which the shorts press on the recipient now, summed [N]
     cloth_peak: float  # the greatest of the episode [N]

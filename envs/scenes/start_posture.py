@@ -110,5 +110,5 @@ def turns() -> list[Array]:
 
 def room_beside(robot: Body, person: Body, world: World) -> float:
     """Return how far a robot is from what of a person does not move: trunk, head, arms; 6 cm at most [m]."""
-    links = range(-1, robot.link_count)
-    return min(world.separation(robot, person, within=ROOM, links=(k, -1)) for k in links)
+    near = world.near(robot, person, within=ROOM, link=-1)
+    return min((there.gap for there in near), default=ROOM)

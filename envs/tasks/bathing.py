@@ -36,10 +36,11 @@ START_SHARE, START_ANGLE = 0.38, math.radians(-12)
 TRUNK_SEEN = 0.05  # [m] of room beside the sponge that is observed, at most; own choice
 TARGET_SHARE = (0.85, 0.95)  # of the way to the elbow: randomised, as the paper says; own choice
 TARGET_ANGLE = math.radians(15)  # about the arm, uniform each way; own choice
-OFFERED, TAKEN_AWAY = (
-    0.06,
-    0.08,
-)  # [m] from skin to sponge: within offered, beyond no more; own choice
+SOFT = (
+    0.009  # [m] nearer the trunk than a robot's links may be (6 mm): a sponge gives way; own choice
+)
+# [m] from skin to sponge: within offered, beyond no more; own choice
+OFFERED, TAKEN_AWAY = (0.06, 0.08)
 START_GAP = (0.10, 0.18)  # [m] from skin to sponge at the start; own choice
 ENDS = (START_SHARE, TARGET_SHARE[1])  # of the way to the elbow, that must be reached
 START_SPREAD = 0.04  # [m] along and across, uniform each way; own choice
@@ -224,7 +225,10 @@ class Bathing(Task):
             begun = math.inf if before is None else before.stroke_from
             stroke_from = min(begun, self.skin.progress(face))
         sponge, person = self.sponge.body, self.recipient.body
-        trunk_gap = self.world.separation(sponge, person, within=TRUNK_SEEN, links=(-1, -1))
+        near = self.world.near(sponge, person, within=TRUNK_SEEN, link=-1)
+        trunk_gap = min((there.gap for there in near), default=TRUNK_SEEN)
+        hand = self.robot.arm.hand[-1]  # which the sponge moves with
+        self.robot.control.near = [n._replace(link=hand, gap=n.gap + SOFT) for n in near]
         ease = self.options.tolerance
         is_there = stroke_from < STROKE_FROM and distance < REACHED * ease
         is_reached = is_there and covered * ease >= self.options.least_coverage

@@ -21,6 +21,7 @@ from rcare_marl.agents.robots.robot import Robot
 from rcare_marl.errors import ConfigError
 from rcare_marl.pose import Array, Pose, about_z
 from rcare_marl.rendering.camera import Camera
+from rcare_marl.separation import Near
 from rcare_marl.world import World
 
 from ..care_env import CareEnv
@@ -30,7 +31,7 @@ from ..registry import register_policy, register_task
 from ..scenes.dressing_state import DressingState, headway
 from ..scenes.hanging_shorts import hang, hold_start, tip
 from ..scenes.leg_path import LIFT_SPREAD, LiftableLeg, fit_chair, let_leg_stand
-from ..scenes.start_posture import pulling_search, pulling_trials, room_beside
+from ..scenes.start_posture import pulling_search, pulling_trials
 from ..state import Seen, State, Values, tolerance, where
 from ..task import CHAIR_ROBOTS, Role, Task
 from ..task_options import TaskOptions
@@ -50,7 +51,7 @@ ARMREST = 0.2  # [m], desk length: clothes pass beside
 STAND_STEPS, SETTLE_STEPS = 240, 720  # physics steps in which leg and shorts come to rest, once
 HELPER = 0.08  # [m] before the foot, where the room of the caregiver begins; own choice
 REACH = 0.26  # [m] past the knee, as far as a hand has room before the belly
-THIGH_SEEN = 0.06  # [m] of room over the thigh that is observed, at most; own choice
+SEEN = 0.06  # [m] of room between robot and person that is observed, at most; own choice
 
 MOVABLE = ("right_hip_flexion", "right_knee_flexion")
 SEAT = "wheelchair_legs_free"
@@ -151,7 +152,7 @@ class Dressing(Task):
         let_leg_stand(world, person, self.chair, self.side)
         self._rest(STAND_STEPS)
         self.leg = LiftableLeg(person, self.side)
-        self._thigh = (person.body, person.frames[JOINT_INDEX[f"{self.side}_hip"]].link)
+        self._thigh = person.frames[JOINT_INDEX[f"{self.side}_hip"]].link
         held = hold_start(self.leg)
         start = tip(self.leg, held)
         self.leg.lift()
@@ -212,6 +213,7 @@ class Dressing(Task):
         gap, strain = target - hem, float(self.cloth.strain.max())
         is_there = is_around and self._comes_to(along, target_along)
         robot, person = self.robot.body, self.recipient.body
+        self.robot.control.near = near = self.world.near(robot, person, within=SEEN)
         to_lifted = leg.to_lifted()
         is_up = float(np.linalg.norm(to_lifted)) < LIFTED
         stalled, stalls, reached = headway(along, before, self.control_dt if is_up else 0.0)
@@ -231,8 +233,8 @@ class Dressing(Task):
             stalls=stalls,
             reached=reached,
             to_lifted=to_lifted,
-            trunk_gap=room_beside(robot, person, self.world),
-            thigh_gap=min(self.world.gaps([self._thigh], robot, within=THIGH_SEEN)),
+            trunk_gap=_least(near, -1),
+            thigh_gap=_least(near, self._thigh),
             raised=math.dist(leg.foot_hold(), leg.stood),
             cloth_force=self._cloth_force,
             cloth_peak=self._cloth_peak,
@@ -303,6 +305,10 @@ class Dressing(Task):
 
     def camera(self) -> Camera:
         return Camera(eye=(1.15, -1.6 * self.outward, 1.4), target=(0.55, -0.1, 0.68), fov_deg=54)
+
+
+def _least(near: Sequence[Near], link: int) -> float:
+    return min((there.gap for there in near if there.other == link), default=SEEN)
 
 
 @register_policy("dressing", "recipient", "cooperative")

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import abc
+from collections.abc import Sequence
 
 import numpy as np
 
 from rcare_marl.pose import Array
+from rcare_marl.separation import Near
 
 from ..gripper import Gripper
 from ..mobile_base import MobileBase
@@ -20,12 +22,15 @@ class Control(abc.ABC):
         names: What each value moves, with its unit.
         max: What a value of 1 means in that unit, shape [size].
         needs_actuation: Whether `actuate` must be called before every physics step.
+        near: Where links are near what they are to be kept clear of, by who looks in each control step;
+            heeded by `ToolDelta` and its kinds.
     """
 
     size: int
     names: tuple[str, ...]
     max: Array
     needs_actuation: bool = False
+    near: Sequence[Near] = ()
 
     @abc.abstractmethod
     def reset(self) -> None:

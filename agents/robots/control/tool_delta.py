@@ -33,6 +33,15 @@ YIELD = 0.002  # way of the target into a light contact, and back out of one twi
 DAMPING = 0.01  # of the least squares
 # Weight of a radian against a metre where fewer than six joints cannot do both: place comes first.
 FEW_JOINTS_TURN = 0.03
+# Of a link that comes near what it is kept clear of; our own choices.
+CLOSE, NEARING = (
+    0.006,
+    3.0,
+)  # [m] that it keeps; [1/s], the share of the rest by which it may come nearer
+SPARING = (
+    0.1  # [m/rad] with which the tool's place and turn are spared where other joints can make room
+)
+SWEEPS = 8  # over all that is near
 # An arm that weighs itself; our own choices. A load off the tool's point changes what it finds by 4 %.
 AS_KNOWN = 0.1  # share by which it may differ from its model and still counts as known
 # Share of the torques that its weight may leave open: more, and something touches it.
@@ -45,7 +54,9 @@ class ToolDelta(ToolMotion):
     Joints follow the target by damped least squares within their position and speed limits. Three
     things keep contact gentle: the target stays on a short leash from the real tool; it gives way
     where the motors feel more than `contact_force` at the tool; and motors get no more torque than
-    that force needs, with some room for acceleration. For that the weight of the arm is carried by
+    that force needs, with some room for acceleration. A fourth keeps all links clear of what `near` names:
+    each link comes nearer the slower the nearer it is (a velocity damper: Faverjon & Tournassoud 1987), the
+    elbow giving way before the tool does. For that limit of the motors the weight of the arm is carried by
     torques of its own, which the limits of the motors could not tell from a push. An arm that is heavier or
     lighter than its model weighs itself in the first control step of an episode, as real ones are calibrated
     before somebody is near; else it would take its own weight for a push.
@@ -66,6 +77,9 @@ class ToolDelta(ToolMotion):
         super().__init__()
         self.contact_force, self.contact_torque = self.CONTACT_FORCE, 0.0
         self._arm = arm
+        self._movers = {
+            link: k for k, joint in enumerate(arm.indices) for link in arm.body.carried_by(joint)
+        }
         own = [name for name in arm.names if name not in BASE_JOINTS]
         self._is_base = np.array([name in BASE_JOINTS for name in arm.names])
         self._has_base = bool(self._is_base.any())
@@ -89,7 +103,7 @@ class ToolDelta(ToolMotion):
     def reset(self) -> None:
         arm, chain = self._arm, self._arm.chain
         self._target = arm.positions()
-        self._steps_left = -1
+        self._steps_left, self.near = -1, ()
         self._goal[:] = chain.tip_frame(self._target)
         self.weight_share, self._is_weighed = 1.0, False
         self._drive(arm.velocity, arm.effort, chain.gravity_torques(self._target))
@@ -136,9 +150,41 @@ class ToolDelta(ToolMotion):
                 self.weight_share,
             ),
         )
+        if self.near and self._keep_clear(positions, duration):
+            speeds = arm.speeds_for(np.abs(self._target - positions), duration)
         if self._has_base:  # it has the whole robot to speed up
             forces = np.where(self._is_base, arm.effort, forces)
         self._drive(speeds, forces, weight)
+
+    def _keep_clear(self, positions: Array, duration: float) -> bool:
+        """Move the target out of where links would come too near, or near too fast; return whether it was.
+
+        Args:
+            positions: Of the joints [rad or m], shape [n].
+            duration: Of the control step [s].
+        """
+        arm, chain = self._arm, self._arm.chain
+        tool = chain.jacobian(positions)
+        ease = np.linalg.inv(tool.T @ tool + SPARING**2 * np.eye(len(positions)))
+        target = self._target.copy()
+        bounds = []
+        for link, _, point, away, gap, coming in self.near:
+            if link in self._movers:
+                moved = chain.point_jacobian(positions, self._movers[link], np.array(point))
+                slope = np.array(away) @ moved
+                least = NEARING * (CLOSE - gap) + max(coming, 0.0)
+                bounds.append((slope, least * duration))
+        for _ in range(SWEEPS):
+            for slope, least in bounds:
+                short = least - float(slope @ (target - positions))
+                if short > 0 and (size := float(slope @ ease @ slope)) > 0:
+                    target += ease @ slope * (short / size)
+        target = np.clip(target, arm.lower, arm.upper)
+        if np.array_equal(target, self._target):
+            return False
+        self._target = target
+        self._goal[:] = chain.tip_frame(target)
+        return True
 
     def _weigh(self, positions: Array, torques: Array) -> None:
         """Tell the arm's own weight from that of what its hand holds, by what its motors bear.
