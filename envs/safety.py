@@ -10,7 +10,7 @@ exceeded what is comfortable, each as a share of the way to its limit.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -20,6 +20,7 @@ from rcare_marl.agents.people.human import Human
 from rcare_marl.agents.people.physiology_model import REGIONS, physiology_model
 from rcare_marl.body import Body
 from rcare_marl.pose import Array
+from rcare_marl.separation import Near
 from rcare_marl.world import World
 
 from .broadcast import clip
@@ -31,6 +32,7 @@ LEAST_PATCH = 1e-4
 NEAR = 0.2  # [m] from the person, within which robots should be slow; our own choice
 # [m/s] of a robot near a person: reduced speed of ISO 10218-1 (250 mm/s); from memory.
 SLOW, FAST = 0.25, 1.0
+WATCHED = 0.06  # [m] from the person, within which arms are to be kept clear; our own choice
 PROM_LIMIT_DEG = 10.0  # beyond the passive range, where the cost is full; our own choice
 PEAKS = tuple(f"peak_force_{region}_n" for region in REGIONS)  # keys of what is reported
 WEIGHTS = {"force": 1.0, "prom": 1.0, "speed": 0.5}  # of the shares in `cost`; our own choice
@@ -176,6 +178,20 @@ class SafetyMeter:
         self._gaps = self._world.gaps(self._movers, person, within=NEAR, before=before)
         pairs = zip(before, self._gaps, strict=False)
         return max([0.0, *[(a - b) / duration for a, b in pairs if b < NEAR]])
+
+    def near(self, robot: Body, spared: Container[int]) -> list[Near]:
+        """Return where links of a robot, but for some, were within 6 cm of the person at the last `read`."""
+        person, world = self._person.body, self._world
+        close = [
+            link
+            for (body, link), gap in zip(self._movers, self._gaps, strict=True)
+            if gap < WATCHED and body is robot and link not in spared
+        ]
+        return [
+            near
+            for link in close
+            for near in world.near(robot, person, within=WATCHED, links=(link, None))
+        ]
 
 
 def patch_area(points: Sequence[Sequence[float]]) -> float:

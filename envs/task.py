@@ -171,6 +171,7 @@ class Task(abc.ABC):
         self.place = BareFloor()
         self.tools: list[Body] = []
         self._meters: dict[str, SafetyMeter] = {}
+        self._arms: list[tuple[Robot, set[int]]] = []  # with the links of their hands
 
     @classmethod
     def roles(cls) -> dict[str, Role[Any]]:
@@ -349,6 +350,10 @@ class Task(abc.ABC):
             ConfigError: If a robot or its tool touches one of them.
         """
         robots = [agent.body for agent in self.cast.values() if not isinstance(agent, Human)]
+        for agent in self.cast.values():
+            if isinstance(agent, Robot):
+                hands = {link for arm in agent.arms.values() for link in arm.hand}
+                self._arms.append((agent, hands))
         for role, person in self.cast.items():
             if not isinstance(person, Human) or role in self.bystanders:
                 continue
@@ -385,12 +390,19 @@ class Task(abc.ABC):
         self.state = None
 
     def look(self) -> None:
-        """Read the state once, after the physics of a control step or of a reset."""
+        """Read the state once, after the physics of a control step or of a reset.
+
+        Robots are told where their arms are near people, to be kept clear of them; a hand may touch them.
+        """
         before = self.state
         safety = {
             role: meter.read(Safety() if before is None else before.safety[role], self.control_dt)
             for role, meter in self._meters.items()
         }
+        for robot, hands in self._arms:
+            near = [n for meter in self._meters.values() for n in meter.near(robot.body, hands)]
+            for part in robot.parts.values():
+                part.control.near = near
         self.state = self.read(State(self.world.time, safety), before)
 
     @abc.abstractmethod

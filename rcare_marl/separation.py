@@ -161,10 +161,10 @@ class SeparationQuery:
         )
         return min([within, *[point[8] for point in points]]) if points else within
 
-    def near(self, a: Body, b: Body, within: float, link_b: int) -> list[Near]:
-        """Return where links of `a` are no farther than `within` [m] from a link of `b`, or from all."""
+    def near(self, a: Body, b: Body, within: float, link_a: int, link_b: int) -> list[Near]:
+        """Return where links of `a`, or one, are no farther than `within` [m] from those of `b`, or one."""
         points = bullet.getClosestPoints(
-            a.uid, b.uid, within, ALL_LINKS, link_b, physicsClientId=self._client
+            a.uid, b.uid, within, link_a, link_b, physicsClientId=self._client
         )
         moved = {link: np.array(b.centre_state(link)) for link in {p[4] for p in points or ()}}
         return [

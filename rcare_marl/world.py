@@ -446,16 +446,24 @@ class World:
         own = [(a, link) for link in self._separations.boxes(a).links]
         return min(self.gaps(own, b, within=within), default=within)
 
-    def near(self, a: Body, b: Body, *, within: float, link: int = ALL_LINKS) -> list[Near]:
+    def near(
+        self,
+        a: Body,
+        b: Body,
+        *,
+        within: float,
+        links: tuple[int | None, int | None] = (None, None),
+    ) -> list[Near]:
         """Return where the links of a body are no farther than `within` [m] from those of another.
 
         Args:
             a: A body.
             b: Another.
             within: How far to look [m].
-            link: The link of `b` that alone counts, -1 its base; all by default.
+            links: The link of each that alone counts, -1 its base; all of a body if None.
         """
-        return self._separations.near(a, b, within, link)
+        one, other = (ALL_LINKS if link is None else link for link in links)
+        return self._separations.near(a, b, within, one, other)
 
     def gaps(
         self,

@@ -110,5 +110,5 @@ def turns() -> list[Array]:
 
 def room_beside(robot: Body, person: Body, world: World) -> float:
     """Return how far a robot is from what of a person does not move: trunk, head, arms; 6 cm at most [m]."""
-    near = world.near(robot, person, within=ROOM, link=-1)
+    near = world.near(robot, person, within=ROOM, links=(None, -1))
     return min((there.gap for there in near), default=ROOM)

@@ -225,10 +225,11 @@ class Bathing(Task):
             begun = math.inf if before is None else before.stroke_from
             stroke_from = min(begun, self.skin.progress(face))
         sponge, person = self.sponge.body, self.recipient.body
-        near = self.world.near(sponge, person, within=TRUNK_SEEN, link=-1)
+        near = self.world.near(sponge, person, within=TRUNK_SEEN, links=(-1, -1))
         trunk_gap = min((there.gap for there in near), default=TRUNK_SEEN)
         hand = self.robot.arm.hand[-1]  # which the sponge moves with
-        self.robot.control.near = [n._replace(link=hand, gap=n.gap + SOFT) for n in near]
+        pressed = [n._replace(link=hand, gap=n.gap + SOFT) for n in near]
+        self.robot.control.near = [*self.robot.control.near, *pressed]
         ease = self.options.tolerance
         is_there = stroke_from < STROKE_FROM and distance < REACHED * ease
         is_reached = is_there and covered * ease >= self.options.least_coverage

@@ -13,7 +13,7 @@ from rcare_marl.attachment import Attachment
 from rcare_marl.body import Body
 from rcare_marl.errors import WorldError
 from rcare_marl.scene.scene import scene_of
-from rcare_marl.separation import ALL_LINKS, Near
+from rcare_marl.separation import Near
 from rcare_marl.world import World
 
 from .mujoco_body import MujocoBody
@@ -208,9 +208,16 @@ class MujocoWorld(World):
         self._mirror(a, b)
         return super().separation(a, b, within=within, links=links)
 
-    def near(self, a: Body, b: Body, *, within: float, link: int = ALL_LINKS) -> list[Near]:
+    def near(
+        self,
+        a: Body,
+        b: Body,
+        *,
+        within: float,
+        links: tuple[int | None, int | None] = (None, None),
+    ) -> list[Near]:
         self._mirror(a, b)
-        return super().near(a, b, within=within, link=link)
+        return super().near(a, b, within=within, links=links)
 
     def gaps(
         self,

@@ -41,6 +41,7 @@ CLOSE, NEARING = (
 SPARING = (
     0.1  # [m/rad] with which the tool's place and turn are spared where other joints can make room
 )
+LEVER = 0.1  # [m/rad] that joints move a link at least that is to get away
 SWEEPS = 8  # over all that is near
 # An arm that weighs itself; our own choices. A load off the tool's point changes what it finds by 4 %.
 AS_KNOWN = 0.1  # share by which it may differ from its model and still counts as known
@@ -172,13 +173,14 @@ class ToolDelta(ToolMotion):
             if link in self._movers:
                 moved = chain.point_jacobian(positions, self._movers[link], np.array(point))
                 slope = np.array(away) @ moved
-                least = NEARING * (CLOSE - gap) + max(coming, 0.0)
-                bounds.append((slope, least * duration))
+                if float(slope @ slope) > LEVER**2:
+                    least = NEARING * (CLOSE - gap) + max(coming, 0.0)
+                    bounds.append((slope, least * duration))
         for _ in range(SWEEPS):
             for slope, least in bounds:
                 short = least - float(slope @ (target - positions))
-                if short > 0 and (size := float(slope @ ease @ slope)) > 0:
-                    target += ease @ slope * (short / size)
+                if short > 0:
+                    target += ease @ slope * (short / float(slope @ ease @ slope))
         target = np.clip(target, arm.lower, arm.upper)
         if np.array_equal(target, self._target):
             return False
