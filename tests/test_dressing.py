@@ -202,6 +202,20 @@ def test_an_open_gripper_lets_the_waistband_go_which_fails_and_a_reset_takes_it_
     np.testing.assert_array_equal(task.cloth.positions, before)
 
 
+def test_a_robot_that_goes_for_the_leg_at_full_speed_does_not_press_it(free: CareEnv) -> None:
+    free.reset(seed=3)
+    task, most = task_of(free), 0.0
+    for _ in range(30):
+        way = task.leg.points[2] - task.robot.tool_pose().position  # the knee
+        action = np.zeros(task.robot.action_size, np.float32)
+        action[:3] = way / np.abs(way).max()
+        free.step({"robot": action})
+        robot, person = task.robot.body, task.recipient.body
+        most = max(most, free.world.contact_force(robot, person))
+    assert any(near.link in task.robot.arm.hand for near in task.robot.control.near)
+    assert most < 1.0
+
+
 def test_an_episode_is_the_same_bit_for_bit_and_finite(free: CareEnv) -> None:
     first = list(rollout(free, 3, 20))
     cloth = task_of(free).cloth.positions.copy()

@@ -12,6 +12,8 @@ import rcare_marl
 from rcare_marl.agents.people.avatar import load_avatar, load_posture
 from rcare_marl.agents.people.human import Human
 from rcare_marl.agents.people.physiology_model import REGIONS
+from rcare_marl.agents.robots.robot import Robot
+from rcare_marl.agents.robots.robot_config import load_robot
 from rcare_marl.envs.safety import NOBODY, SLOW, WEIGHTS, Safety, SafetyMeter, patch_area
 from rcare_marl.pose import Pose
 from rcare_marl.world import GRAVITY, World
@@ -117,6 +119,23 @@ def test_a_hand_that_comes_closer_counts_beside_a_foot_that_is_near(
         robot.set_joints(robot.indices(["out"]), [way])
         found = meter.read(found, STEP)
     assert found.top_speed == pytest.approx(2.0 * SLOW, rel=0.1)
+
+
+def test_an_arm_is_seen_near_a_person_but_for_its_hand(world: World) -> None:
+    person = lying(world)
+    robot = Robot("robot", load_robot("kinova_gen3"))
+    robot.spawn(world, Pose())
+    hand, elbow = set(robot.arm.hand), robot.body.link_index("half_arm_2_link")
+    x, y, z = np.subtract(
+        person.joint_pose("spine2").position, robot.body.link_pose(elbow).position
+    )
+    robot.body.set_base(Pose((x, y, z + 0.2)))
+    meter = SafetyMeter(person, world, [robot.body])
+    meter.read(Safety(), STEP)
+    everything, arm = meter.near(robot.body, ()), meter.near(robot.body, hand)
+    assert {elbow, min(hand)} <= {near.link for near in everything}
+    assert arm == [near for near in everything if near.link not in hand]
+    assert all(near.gap < 0.06 for near in arm)
 
 
 @pytest.mark.parametrize("task", ["feeding", "toileting"])

@@ -162,9 +162,8 @@ class Dressing(Task):
         search, ahead = self.search(world), float(self.leg.stood[0]) + HELPER
         trials = search.starting(pulling_trials(self.robot, way))
         self.leg.lift()
-        found = pulling_search(search, person.body, ahead=ahead).find(
-            trials, "where it is to start"
-        )
+        pulling = pulling_search(search, person.body, ahead=ahead)
+        found = pulling.find(trials, "where it is to start")
         turn, posture = found.trial.hold, found.posture
         self.leg.stand()
         self.robot.arm.rest[:] = posture
