@@ -36,9 +36,8 @@ START_SHARE, START_ANGLE = 0.38, math.radians(-12)
 TRUNK_SEEN = 0.05  # [m] of room beside the sponge that is observed, at most; own choice
 TARGET_SHARE = (0.85, 0.95)  # of the way to the elbow: randomised, as the paper says; own choice
 TARGET_ANGLE = math.radians(15)  # about the arm, uniform each way; own choice
-SOFT = (
-    0.009  # [m] nearer the trunk than a robot's links may be (6 mm): a sponge gives way; own choice
-)
+# [m] nearer the trunk than a robot's links may be (6 mm), as a sponge gives way; own choice
+SOFT = 0.009
 # [m] from skin to sponge: within offered, beyond no more; own choice
 OFFERED, TAKEN_AWAY = (0.06, 0.08)
 START_GAP = (0.10, 0.18)  # [m] from skin to sponge at the start; own choice

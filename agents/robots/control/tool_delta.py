@@ -33,14 +33,11 @@ YIELD = 0.002  # way of the target into a light contact, and back out of one twi
 DAMPING = 0.01  # of the least squares
 # Weight of a radian against a metre where fewer than six joints cannot do both: place comes first.
 FEW_JOINTS_TURN = 0.03
-# Of a link that comes near what it is kept clear of; our own choices.
-CLOSE, NEARING = (
-    0.006,
-    3.0,
-)  # [m] that it keeps; [1/s], the share of the rest by which it may come nearer
-SPARING = (
-    0.1  # [m/rad] with which the tool's place and turn are spared where other joints can make room
-)
+# Of a link that comes near what it is kept clear of; our own choices. The way that it keeps [m], and the
+# share of the rest by which it may come nearer [1/s]; with what the tool's place and turn are spared where
+# other joints can make room [m/rad].
+CLOSE, NEARING = 0.006, 3.0
+SPARING = 0.1
 LEVER = 0.1  # [m/rad] that joints move a link at least that is to get away
 SWEEPS = 8  # over all that is near
 # An arm that weighs itself; our own choices. A load off the tool's point changes what it finds by 4 %.
