@@ -154,10 +154,9 @@ class Dressing(Task):
         self.leg = LiftableLeg(person, self.side)
         self._thigh = person.frames[JOINT_INDEX[f"{self.side}_hip"]].link
         held = hold_start(self.leg)
-        start = tip(self.leg, held)
+        way = [tip(self.leg, held)]
         self.leg.lift()
-        alongs = np.linspace(held, self.leg.shank + REACH, 5)
-        way = [start, *(tip(self.leg, float(along)) for along in alongs)]
+        way += [tip(self.leg, float(x)) for x in np.linspace(held, self.leg.shank + REACH, 5)]
         self.leg.stand()
         search, ahead = self.search(world), float(self.leg.stood[0]) + HELPER
         trials = search.starting(pulling_trials(self.robot, way))
