@@ -138,6 +138,22 @@ def test_an_arm_is_seen_near_a_person_but_for_its_hand(world: World) -> None:
     assert all(near.gap < 0.06 for near in arm)
 
 
+def test_a_robot_is_told_where_its_arm_is_near_who_is_cared_for() -> None:
+    env = rcare_marl.make("feeding")
+    env.reset(seed=0)
+    robot, person = env.cast["robot"], env.cast["recipient"]
+    assert isinstance(robot, Robot) and isinstance(person, Human)
+    assert not robot.control.near
+    elbow = robot.body.link_pose(robot.body.link_index("half_arm_2_link")).position
+    way = np.subtract(person.joint_pose("spine2").position, elbow) + (0.3, 0.0, 0.0)
+    x, y, z = np.add(robot.body.base_pose().position, way)
+    robot.body.set_base(Pose((x, y, z)))
+    env.task.look()
+    assert robot.control.near
+    assert not {near.link for near in robot.control.near} & set(robot.arm.hand)
+    env.close()
+
+
 @pytest.mark.parametrize("task", ["feeding", "toileting"])
 def test_every_agent_is_told_the_cost_of_every_step(task: str) -> None:
     env = rcare_marl.make(task)
