@@ -132,6 +132,16 @@ def test_the_caregiver_lifts_the_leg_and_the_robot_pulls_the_shorts_over_the_kne
     assert metrics["peak_cloth_load_n"] > 3 and metrics["peak_force_right_leg_n"] > 1
 
 
+def test_who_cannot_bend_the_hip_far_is_not_jammed_between_it_and_the_footplate() -> None:
+    env = rcare_marl.make("dressing", recipient="population:train:367")
+    env.reset(seed=0)
+    task = task_of(env)
+    limit = task.recipient.passive[0, 1]
+    assert limit < math.radians(90) and task.leg.rest["right_hip_flexion"] <= limit
+    assert env.world.contact_force(task.recipient.body, task.chair.body) < 300.0
+    env.close()
+
+
 @pytest.mark.slow
 def test_the_leg_is_put_down_again_with_the_shorts_past_the_knee() -> None:
     env = rcare_marl.make("dressing", policies=ALL, options={"until": "lowered"})

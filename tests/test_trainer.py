@@ -8,9 +8,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+import torch
 from test_training_kills import assert_alike
 
 import rcare_marl
+from rcare_marl.baselines.algorithms.sac import Sac
 from rcare_marl.baselines.policy_file import PolicyFile
 from rcare_marl.baselines.training.checkpoint import BEST, LAST, load
 from rcare_marl.baselines.training.config import load_config
@@ -112,6 +114,25 @@ def test_a_training_stops_when_asked_and_goes_on_as_if_it_had_not(tmp_path: Path
     assert any(
         load(parts / LAST)["progress"]["sums"].values()
     )  # returns of episodes that still run
+
+
+def test_a_learner_has_the_threads_that_are_asked_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before, seen, learn = torch.get_num_threads(), set[int](), Sac.learn
+
+    def watched(self: Sac, batch: Any) -> dict[str, float]:
+        seen.add(torch.get_num_threads())
+        return learn(self, batch)
+
+    monkeypatch.setattr(Sac, "learn", watched)
+    try:
+        trained(SHORT | {"steps": 40, "threads": 2}, tmp_path)
+    finally:
+        torch.set_num_threads(before)
+    assert seen == {2}
+    with pytest.raises(ConfigError, match="threads must be at least 1, got 0"):
+        load_config(SHORT | {"threads": 0})
 
 
 def test_a_training_on_mujoco_says_so_in_its_policy(tmp_path: Path) -> None:

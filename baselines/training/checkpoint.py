@@ -27,7 +27,7 @@ FORMAT = 1  # of the file; counts up when what is in it changes
 LARGEST = 1 << 36  # [bytes]: a buffer of pictures is large
 LAST, BEST = "checkpoint.pt", "best.pt"  # names in the folder of a run
 # What may change between two parts of a run: how long it is and who computes it, not what is learned.
-FREE = ("steps", "minutes", "workers", "stop_success")
+FREE = ("steps", "minutes", "workers", "threads", "stop_success")
 RNG = "rng"  # where the states of shared generators are among what is loaded
 _ARRAY = "__array__"  # marks a numpy array, which torch refuses to read without running code
 

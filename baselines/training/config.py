@@ -200,6 +200,7 @@ class TrainConfig:
         envs: Environments in the batch.
         workers: Processes that step them; 0 is this one; `async://N` are N that do not wait for each
             other; `ray://...` is a cluster.
+        threads: Of the learner; several pay for large batches, and round otherwise.
         demonstrations: What learning begins with.
         curriculum: Easier stages to begin with.
         interval: Steps between two checkpoints, each with an evaluation.
@@ -231,6 +232,7 @@ class TrainConfig:
     steps: int = 50_000
     envs: int = 8
     workers: int | str = 0
+    threads: int = 1
     demonstrations: Demonstrations = Demonstrations()
     curriculum: CurriculumConfig = CurriculumConfig()
     interval: int = 5_000
@@ -240,7 +242,7 @@ class TrainConfig:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "randomise", Randomisation.of(self.randomise).to_dict())
-        for name in ("steps", "envs", "interval", "evaluation_episodes"):
+        for name in ("steps", "envs", "threads", "interval", "evaluation_episodes"):
             if getattr(self, name) < 1:
                 raise ConfigError(f"{name} must be at least 1, got {getattr(self, name)}")
         if not 0 <= self.seed < 2**32:  # which NumPy takes

@@ -214,6 +214,7 @@ class Trainer:
         if progress.steps >= config.steps or reached:
             return self._result(reached)
         collector = self._collecting.result() if self._collecting else self._collector()
+        torch.set_num_threads(config.threads)  # now: who makes environments takes one
         tally = _Tally(self._env)
         progress.seconds = before + time.monotonic() - begun
         if self._copied:

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from rcare_marl.agents.people.avatar import seated
 from rcare_marl.agents.people.body.posture import calf_back, soles
-from rcare_marl.agents.people.body.skeleton import JOINT_INDEX
+from rcare_marl.agents.people.body.skeleton import JOINT_INDEX, SIDES
 from rcare_marl.agents.people.human import Human
 from rcare_marl.pose import Array, Pose, rotate
 from rcare_marl.world import World
@@ -28,6 +28,11 @@ ON_SEAT = math.radians(86)  # hip flexion from which on down the thigh lies on t
 LIFT_SPREAD = (math.radians(1), math.radians(3))  # of both, uniform, each way
 CALF = 0.06  # [m] from the seat to the calf of who is short: three fingers, from memory
 ASIDE_DEG = 14.0  # [deg] that the other leg is held aside, else the shorts catch on its knee
+BENT = ("hip_flexion", "knee_flexion")
+STIFF_DEG = (
+    3.0  # [deg] less than in the posture that a hip bends, from where the knee bends less too
+)
+PRESSES = 0.0005  # [m] that a plate would be in a foot from where it is lowered
 FOOT_HOLD = 0.07  # [m] from the ankle to the toes, where it is grasped
 
 
@@ -181,6 +186,10 @@ class LiftableLeg(LegPath):
 def fit_chair(chair: Wheelchair, person: Human, side: str) -> dict[str, Array]:
     """Fit seat and footplates to who is going to sit there, and hold the other leg aside.
 
+    Who cannot bend a hip as far as the posture has it has that foot farther ahead, as on legrests that are
+    raised: the shank leans as much as everybody's. Under a steeper one the plate, which rises ahead, jams
+    the foot against the hip's limit.
+
     Args:
         chair: The chair, not spawned yet.
         person: Who will sit there.
@@ -189,13 +198,22 @@ def fit_chair(chair: Wheelchair, person: Human, side: str) -> dict[str, Array]:
     Returns:
         Where the plates are, by side [m].
     """
-    aside = {f"{'left' if side == 'right' else 'right'}_hip_abduction": ASIDE_DEG}
-    posture = dataclasses.replace(person.posture, angles_deg={**person.posture.angles_deg, **aside})
-    person.posture, back = posture, chair.frame("seat_back")
-    sitting = seated(person.avatar, posture, back)
-    chair.fit_seat(calf_back(*sitting) - CALF)
+    held = {f"{'left' if side == 'right' else 'right'}_hip_abduction": ASIDE_DEG}
+    angles, limits = person.posture.angles_deg, person.avatar.profile.limits("passive")
+    for foot in SIDES:
+        hip, knee = (angles.get(f"{foot}_{d}", angles.get(d, 0.0)) for d in BENT)
+        short = hip - math.degrees(limits[f"{foot}_hip_flexion"][1])
+        if short > STIFF_DEG:
+            held[f"{foot}_knee_flexion"] = knee - short
+    person.posture = dataclasses.replace(person.posture, angles_deg={**angles, **held})
+    sitting = seated(person.avatar, person.posture, chair.frame("seat_back"))
     up = rotate(chair.frame(f"footplate_{side}").quaternion, (0.0, 0.0, 1.0))
     plates = soles(*sitting, up)
+    chair.fit_seat(calf_back(*sitting) - CALF)
+    low, high = sorted(plates.values(), key=lambda sole: float(sole[2]))
+    deep = float((low[0] - high[0]) * up[0] / up[2] - (high[2] - low[2]))
+    if deep > PRESSES:  # one plane bears both feet, which rises ahead
+        low[2] -= deep
     chair.fit_footplates(plates["left"], plates["right"])
     return plates
 
