@@ -29,10 +29,9 @@ LIFT_SPREAD = (math.radians(1), math.radians(3))  # of both, uniform, each way
 CALF = 0.06  # [m] from the seat to the calf of who is short: three fingers, from memory
 ASIDE_DEG = 14.0  # [deg] that the other leg is held aside, else the shorts catch on its knee
 BENT = ("hip_flexion", "knee_flexion")
-STIFF_DEG = (
-    3.0  # [deg] less than in the posture that a hip bends, from where the knee bends less too
-)
-PRESSES = 0.0005  # [m] that a plate would be in a foot from where it is lowered
+STIFF_DEG = 3.0  # [deg] that a hip bends less than in the posture, from where the knee does too
+BACK = 0.03  # [m] that such a plate is farther back, so that the heel stands on it
+CLEAR = 0.005  # [m] from such a foot to its plate, and from a thigh to a cushion that gave way
 FOOT_HOLD = 0.07  # [m] from the ankle to the toes, where it is grasped
 
 
@@ -188,7 +187,7 @@ def fit_chair(chair: Wheelchair, person: Human, side: str) -> dict[str, Array]:
 
     Who cannot bend a hip as far as the posture has it has that foot farther ahead, as on legrests that are
     raised: the shank leans as much as everybody's. Under a steeper one the plate, which rises ahead, jams
-    the foot against the hip's limit.
+    the foot against the hip's limit, and does so for a millimetre: so it stays clear of the sole.
 
     Args:
         chair: The chair, not spawned yet.
@@ -198,22 +197,21 @@ def fit_chair(chair: Wheelchair, person: Human, side: str) -> dict[str, Array]:
     Returns:
         Where the plates are, by side [m].
     """
-    held = {f"{'left' if side == 'right' else 'right'}_hip_abduction": ASIDE_DEG}
+    stiff, held = [], {f"{'left' if side == 'right' else 'right'}_hip_abduction": ASIDE_DEG}
     angles, limits = person.posture.angles_deg, person.avatar.profile.limits("passive")
     for foot in SIDES:
         hip, knee = (angles.get(f"{foot}_{d}", angles.get(d, 0.0)) for d in BENT)
         short = hip - math.degrees(limits[f"{foot}_hip_flexion"][1])
         if short > STIFF_DEG:
+            stiff.append(foot)
             held[f"{foot}_knee_flexion"] = knee - short
     person.posture = dataclasses.replace(person.posture, angles_deg={**angles, **held})
     sitting = seated(person.avatar, person.posture, chair.frame("seat_back"))
     up = rotate(chair.frame(f"footplate_{side}").quaternion, (0.0, 0.0, 1.0))
     plates = soles(*sitting, up)
+    for foot in stiff:
+        plates[foot] += (-BACK, 0.0, BACK * up[0] / up[2] - CLEAR)
     chair.fit_seat(calf_back(*sitting) - CALF)
-    low, high = sorted(plates.values(), key=lambda sole: float(sole[2]))
-    deep = float((low[0] - high[0]) * up[0] / up[2] - (high[2] - low[2]))
-    if deep > PRESSES:  # one plane bears both feet, which rises ahead
-        low[2] -= deep
     chair.fit_footplates(plates["left"], plates["right"])
     return plates
 
@@ -233,7 +231,12 @@ def let_leg_stand(world: World, person: Human, chair: Wheelchair, side: str) -> 
     # The thigh, which the armrest is not to touch, has a seat of its own inside the cushion.
     f, seat = chair.model.figure, chair.frame_in_world("seat")
     size = (f("seat_depth") - 0.01, f("seat_width") - 0.03, 0.5 * f("cushion"))
-    top = world.add_box(size, seat @ Pose((0, 0, -0.5 * size[2] - 0.001)), name="seat")
+    level = Pose((0, 0, -0.5 * size[2] - 0.001))
+    top = world.add_box(size, seat @ level, name="seat")
+    near = world.nearest(person.body, top, within=CLEAR)
+    deep = -min((c.distance for c in near if c.link_a == thigh), default=0.0)
+    if deep > 0:  # it gives way, as a cushion does, to a hip that cannot
+        top.set_base(seat @ Pose((0, 0, -deep - CLEAR)) @ level)
     others = [k for k in range(-1, person.body.link_count) if k not in (thigh, *below)]
     world.set_collision(person.body, top, False, links_a=others)
     for body in world.bodies:
