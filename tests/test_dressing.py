@@ -15,6 +15,7 @@ from standing_person import CONTROL_DT, person_in
 
 import rcare_marl
 from rcare_marl.agents.people.behaviour.leg_lifting import LegLifting
+from rcare_marl.agents.people.body.skeleton import JOINT_INDEX
 from rcare_marl.agents.people.motion.caregiving import Caregiving
 from rcare_marl.envs.care_env import CareEnv
 from rcare_marl.envs.scenes.dressing_state import EASE, HEADWAY, STALLED, headway
@@ -141,6 +142,15 @@ def test_who_cannot_bend_the_hip_far_is_not_jammed_between_it_and(number: int, b
     assert limit < math.radians(91) and task.leg.rest["right_hip_flexion"] <= limit
     borne = sum(c.force for c in env.world.contacts(task.recipient.body))
     assert borne < 300.0, f"pressed against {by} with {borne:.0f} N"
+    env.close()
+
+
+def test_shorts_do_not_hang_round_the_other_leg_of_who_has_thick_ones() -> None:
+    env = rcare_marl.make("dressing", recipient="population:train:329")
+    env.reset(seed=0)
+    task = task_of(env)
+    other = task.recipient.frames[JOINT_INDEX["left_knee"]].link
+    assert sum(c.load for c in task.cloth.contacts if c.link == other) < 1.0
     env.close()
 
 

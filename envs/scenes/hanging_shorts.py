@@ -16,7 +16,9 @@ from .leg_path import LegPath
 # All our own choices.
 HEM_START = 0.42  # [m] from the toes, past the heel, under which a hem hooks
 GATHER = 0.8  # length on the leg of a metre of cloth
-INWARD = (0.42, 0.91)  # forward and to the other leg, where the other leg of the shorts hangs
+# Forward and to the other leg, where the other leg of the shorts hangs: the first that does not put cloth
+# past the middle of that leg, round which it would hang.
+INWARD = ((0.42, 0.91), (0.64, 0.77), (0.82, 0.57), (0.94, 0.34))
 HOLD_START, HOLD_SHARE = (
     0.34,
     0.85,
@@ -60,14 +62,14 @@ def hang(
     """
     cut = tailor(garment, person.model)
     side = 1.0 if leg.side == "right" else -1.0
-    placed = threaded(
-        cut,
-        leg.side,
-        leg.points,
-        start=HEM_START,
-        gather=GATHER,
-        towards=(INWARD[0], INWARD[1] * side, 0.0),
-    )
+    other = LegPath(person, "left" if leg.side == "right" else "right")
+    for ahead, inward in INWARD:
+        towards = (ahead, inward * side, 0.0)
+        placed = threaded(
+            cut, leg.side, leg.points, start=HEM_START, gather=GATHER, towards=towards
+        )
+        if all(side * (other.at(other.place(q))[1] - q[1]) > 0 for q in placed):
+            break
     held, tool = band_over_leg(cut, leg.side, HELD), robot.tool_pose()
     for k, particle in enumerate(held):
         across = (k - HELD // 2) * SPREAD
