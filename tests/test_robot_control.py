@@ -230,16 +230,34 @@ def test_an_arm_does_not_touch_what_it_is_kept_clear_of(heeds: bool) -> None:
     assert gaps[-1] < 0.02
 
 
-def test_an_arm_goes_out_of_the_way_of_what_comes() -> None:
-    world, robot = spawned(load_robot("kinova_gen3"))
+def what_comes(world: World, robot: Robot) -> tuple[float, list[float]]:
+    """Let a ball come at the tool: the greatest force of it [N], and how near it was [m]."""
     x, y, z = robot.tool_pose().position
     ball = world.add_sphere(0.15, Pose((x + 0.4, y, z)), mass=5.0)
-    touched = 0.0
+    touched, gaps = 0.0, []
     for step in range(25):
         ball.set_base(Pose((x + 0.4 - 0.02 * step, y, z)))
         bullet.resetBaseVelocity(ball.uid, (-0.2, 0.0, 0.5), physicsClientId=world.client)
         robot.control.near = world.near(robot.body, ball, within=0.06)
+        gaps += [there.gap for there in robot.control.near]
         advance(world, robot, np.zeros(6), CONTROL_DT)
         touched = max(touched, world.contact_force(robot.body, ball))
+    return touched, gaps
+
+
+def test_an_arm_goes_out_of_the_way_of_what_comes() -> None:
+    world, robot = spawned(load_robot("kinova_gen3"))
+    x = robot.tool_pose().position[0]
+    touched, _ = what_comes(world, robot)
     assert robot.tool_pose().position[0] < x
     assert touched == 0.0
+
+
+def test_other_joints_go_out_of_the_way_for_one_at_its_limit() -> None:
+    world, robot = spawned(load_robot("kinova_gen3"))
+    arm, elbow = robot.arm, 3
+    angle = arm.positions()[elbow]
+    arm.lower[elbow], arm.upper[elbow] = angle - 0.02, angle + 0.02
+    touched, gaps = what_comes(world, robot)
+    assert touched == 0.0
+    assert 0.0 < min(gaps) < 0.01

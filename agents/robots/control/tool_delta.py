@@ -163,8 +163,9 @@ class ToolDelta(ToolMotion):
         """
         arm, chain = self._arm, self._arm.chain
         tool = chain.jacobian(positions)
-        ease = np.linalg.inv(tool.T @ tool + SPARING**2 * np.eye(len(positions)))
-        target = self._target.copy()
+        stiffness = tool.T @ tool + SPARING**2 * np.eye(len(positions))
+        ease = np.linalg.inv(stiffness)
+        target, free = self._target.copy(), np.ones(len(positions), bool)
         bounds = []
         for link, _, point, away, gap, coming in self.near:
             if link in self._movers:
@@ -176,9 +177,14 @@ class ToolDelta(ToolMotion):
         for _ in range(SWEEPS):
             for slope, least in bounds:
                 short = least - float(slope @ (target - positions))
-                if short > 0:
-                    target += ease @ slope * (short / float(slope @ ease @ slope))
-        target = np.clip(target, arm.lower, arm.upper)
+                if short > 0 and (gain := float(slope @ ease @ slope)) > 0:
+                    target += ease @ slope * (short / gain)
+            held = np.clip(target, arm.lower, arm.upper)
+            if not np.array_equal(held, target):  # the others make up for who is at a limit
+                free &= held == target
+                ease = np.zeros_like(stiffness)
+                ease[np.ix_(free, free)] = np.linalg.inv(stiffness[np.ix_(free, free)])
+                target = held
         if np.array_equal(target, self._target):
             return False
         self._target = target
