@@ -48,11 +48,15 @@ class TaskOptions:
 
     def __post_init__(self) -> None:
         if not 0 < self.force_limit <= LARGEST:
-            raise ValueError(f"force_limit must be positive, got {self.force_limit} N")
+            raise ValueError(
+                f"force_limit must be positive and at most {LARGEST:g} N, got {self.force_limit} N"
+            )
         if not 0 <= self.spread <= 1:
             raise ValueError(f"spread must lie in [0, 1], got {self.spread}")
         if not 1 <= self.tolerance <= LARGEST:
-            raise ValueError(f"tolerance must be at least 1, got {self.tolerance}")
+            raise ValueError(
+                f"tolerance must be at least 1 and at most {LARGEST:g}, got {self.tolerance}"
+            )
         if self.weights and self.reward != "shaped":
             raise ValueError("the paper's reward has no weights: use them with reward 'shaped'")
         for name in self.weights:

