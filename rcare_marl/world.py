@@ -297,12 +297,15 @@ class World:
             bullet.changeConstraint(uid, gearRatio=1, maxForce=0, physicsClientId=self.client)
             self._ties.append(uid)
 
+    def _part_islands(self) -> None:
+        while self._ties:
+            bullet.removeConstraint(self._ties.pop(), physicsClientId=self.client)
+
     def _restore_bonds(self) -> None:
         """Make all bonds as they were marked, in the order in which they were: it is the solver's."""
         if all(a.is_active == was_active for a, was_active in self._marked):
             return
-        while self._ties:  # they came after the bonds
-            bullet.removeConstraint(self._ties.pop(), physicsClientId=self.client)
+        self._part_islands()  # ties came after the bonds
         for attachment, _ in self._marked:
             attachment._break()
         for attachment, was_active in self._marked:

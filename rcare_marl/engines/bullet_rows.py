@@ -72,7 +72,8 @@ def physics_step(places, state, inertia, rules, near, felt, touched) -> None:  #
             bonds by equality; share of the error of each equality that is removed in a physics step;
             friction, stiffness (0 if rigid), damping and rounding [m] of each geom, shape [ngeom, 4]; the
             number of its body, of its link, and of its tree of degrees of freedom, -1 if it cannot move; how
-            each degree of freedom turns and moves, `cdof`; greatest speed of each degree of freedom.
+            each degree of freedom turns and moves, `cdof`; greatest speed of each degree of freedom; the
+            place in Bullet's order of each motor, end of a joint and equality, shapes [nv], [njnt] and [neq].
         near: See `Neighbours.compiled`.
         felt: Whether to work out what joints transmit, shape [1]; `subtree_com`, `xpos` and `xmat`, and
             where to keep what they are in this step.
@@ -94,6 +95,7 @@ def physics_step(places, state, inertia, rules, near, felt, touched) -> None:  #
         bearers,
         ways,
         caps,
+        ranks,
     ) = rules
     call(places[native.KINEMATICS], model, data)
     keep_list(near)
@@ -128,7 +130,9 @@ def physics_step(places, state, inertia, rules, near, felt, touched) -> None:  #
         )
         wants = soft, wished, most, smooth
         _solve_islands(
-            sweeps[0], dt, inertia, near[-1][2], kinds, rows, wants, contacts, forces, acceleration
+            *(sweeps[0], dt, inertia, near[-1][2], (kinds, ids, ranks), rows, wants, contacts),
+            forces,
+            acceleration,
         )
         _push(rows, (kinds, ids), forces, pushes, acted)
     cut_speeds(qvel, acceleration, caps, dt)
@@ -267,7 +271,7 @@ def _islands(rows, trees, near):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True, error_model="numpy")
 def _solve_islands(  # type: ignore[no-untyped-def]
-    sweeps, dt, inertia, near, kinds, rows, wants, contacts, forces, acceleration
+    sweeps, dt, inertia, near, told, rows, wants, contacts, forces, acceleration
 ) -> None:
     """Solve all rows, island by island; write their forces, and add what these do to accelerations."""
     soft, wished, most, smooth = wants
@@ -279,8 +283,8 @@ def _solve_islands(  # type: ignore[no-untyped-def]
             own[island[place]] = place
         answers, moved = _answers(inertia, rows, island)
         solver = _coupling(rows, island, answers, soft, wished, smooth)
-        steps = _steps(island, own, kinds, contacts[0])
-        _solve(sweeps, dt, island, steps, kinds, most, solver, contacts[1], forces)
+        steps = _steps(island, own, told, contacts[0])
+        _solve(sweeps, dt, island, steps, told[0], most, solver, contacts[1], forces)
         for tree in range(len(moved)):
             if moved[tree]:
                 for i in range(inertia[6][tree], inertia[6][tree] + inertia[7][tree]):
@@ -359,23 +363,34 @@ def _coupling(rows, island, answers, soft, wished, acceleration):  # type: ignor
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _steps(island, places, kinds, contacts):  # type: ignore[no-untyped-def]
-    """Write two sweeps of an island: motors and limits, bonds, the normals of contacts, then their friction.
+def _steps(island, places, told, contacts):  # type: ignore[no-untyped-def]
+    """Write two sweeps of an island: joints and bonds by rank, the normals of contacts, then their friction.
 
     Returns:
         Of each step the place of its row, which of the constants below it is, the place of the contact's
-            normal and the contact, shape [2, n + 1, 4]. In the first sweep motors, limits and bonds go the
-            other way round. The last steps only stand there.
+            normal and the contact, shape [2, n + 1, 4]. In the first sweep joints and bonds go the other
+            way round. The last steps only stand there.
     """
     count, found = len(island), 0
     both = np.zeros((2, count + 1, 4), np.int64)
     steps = both[1]
-    for equalities in (False, True):
-        for place in range(count):
-            kind = kinds[island[place]]
-            if kind < CONTACT_ROW and (kind == EQUALITY_ROW) == equalities:
-                steps[found, 0] = place
-                found += 1
+    kinds, ids, (motors, ends, equalities) = told
+    ranks = np.empty(count, np.int64)
+    for place in range(count):
+        row = island[place]
+        kind, number = kinds[row], ids[row]
+        if kind >= CONTACT_ROW:
+            continue
+        if kind == EQUALITY_ROW:
+            rank = equalities[number]
+        else:
+            rank = motors[number] if kind == FRICTION_ROW else ends[number]
+        step = found
+        while step > 0 and ranks[step - 1] > rank:
+            steps[step, 0], ranks[step] = steps[step - 1, 0], ranks[step - 1]
+            step -= 1
+        steps[step, 0], ranks[step] = place, rank
+        found += 1
     for step in range(found):
         both[0, step, 0] = steps[found - 1 - step, 0]
     others, normals = found, np.full(len(contacts), -1)

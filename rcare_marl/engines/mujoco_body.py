@@ -16,6 +16,7 @@ from rcare_marl.pose import Array, Pose, Vector
 
 from .joint_loads import JointLoads
 from .native import Ints
+from .row_order import END, GEAR
 from .simulation import Simulation
 
 if TYPE_CHECKING:
@@ -43,6 +44,7 @@ class MujocoBody(Body):
         self._mirrored = (-1, -1)
         self._centres: dict[tuple[int, ...], tuple[Ints, Ints, Array]] = {}
         self._looked_up: dict[tuple[int, ...], tuple[Chosen, Chosen, Ints | None]] = {}
+        self._world.row_order.load(self, self._client)
 
     def enter(self, sim: Simulation, number: int) -> None:
         """Move in MuJoCo from now on.
@@ -283,10 +285,16 @@ class MujocoBody(Body):
 
         return apply
 
+    def gear(self, leader: int, follower: int, multiplier: float, force: float) -> None:
+        super().gear(leader, follower, multiplier, force)
+        self._world.row_order.add((GEAR, self, follower))
+
     def limit_joint(self, index: int, lower: float, upper: float) -> None:
         if self.sim is None:
             super().limit_joint(index, lower, upper)
             self._told.append(partial(self.limit_joint, index, lower, upper))
+            if (END, self, index) not in self._world.row_order:
+                self._world.row_order.add((END, self, index))
             return
         self.sim.limit(int(self._places.dofs[index]), lower, upper)
 

@@ -18,6 +18,7 @@ from rcare_marl.world import World
 
 from .mujoco_body import MujocoBody
 from .native import Ints
+from .row_order import BOND, TIE, Row, RowOrder
 from .simulation import BodyPlaces, Simulation
 from .spare_bonds import SpareBonds
 
@@ -31,16 +32,21 @@ class MujocoBond(Attachment):
     _world: MujocoWorld
 
     def _make(self) -> None:
-        super()._make()
         if self._world.sim is not None:
             ends = ((self.parent, self.link), (self.child, self.child_link))
             one, other = (int(self._world.body_places(b).links[link + 1]) for b, link in ends)
             self._world.spare_bonds.make(self, (one, other))
+        super()._make()
+        self._world.row_order.add((BOND, self, 0))
+        self._world.order_rows()
 
     def _break(self) -> None:
-        if self._world.sim is not None and self.is_active:
-            self._world.spare_bonds.end(self)
+        if self.is_active:
+            self._world.row_order.remove((BOND, self, 0))
+            if self._world.sim is not None:
+                self._world.spare_bonds.end(self)
         super()._break()
+        self._world.order_rows()
 
     def load(self) -> float:
         if self._world.sim is None:
@@ -63,6 +69,7 @@ class MujocoWorld(World):
     def __init__(self, *args: Any, **settings: Any) -> None:
         self.sim: Simulation | None = None
         self._feels = False
+        self.row_order = RowOrder()
         super().__init__(*args, **settings)
 
     def mark_start(self) -> None:
@@ -86,11 +93,30 @@ class MujocoWorld(World):
         self.sim.feels[0] = self._feels
         self._numbers: Mapping[int, int] = {body.uid: i for i, body in enumerate(self.bodies)}
         self.spare_bonds = SpareBonds(self.sim, self.bonds)
+        self.order_rows()
         # Some skins have handles of their own on a body; a marker's plate goes with its carrier.
         for body in (*self.bodies, *(skin.body for skin in self.skins)):
             if isinstance(body, MujocoBody) and body.sim is None:
                 body.enter(self.sim, self._numbers[body.uid])
         self.sim.mark()
+
+    def order_rows(self) -> None:
+        """Let motors, ends of joints, gears and bonds be solved in Bullet's order."""
+        if self.sim is not None:
+            self.sim.order(self.row_order.sorted(self._is_apart), self.spare_bonds.numbers())
+
+    def _is_apart(self, row: Row) -> bool:
+        return isinstance(row[1], Body) and row[1] in self.sleeping
+
+    def _join_islands(self) -> None:
+        super()._join_islands()
+        for tie in self._ties:
+            self.row_order.add((TIE, tie, 0))
+
+    def _part_islands(self) -> None:
+        for tie in reversed(self._ties):
+            self.row_order.remove((TIE, tie, 0))
+        super()._part_islands()
 
     def step(self) -> None:
         if self.sim is None:
@@ -133,6 +159,7 @@ class MujocoWorld(World):
         self._restore_bonds()
         self.set_solver_iterations(self._marked_iterations)
         self.spare_bonds.rewind()
+        self.order_rows()
         self.sim.neighbours.rewind()
         self.filter.rewind()
         self.sim.rewind()

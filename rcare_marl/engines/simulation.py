@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import mujoco
@@ -18,6 +18,7 @@ from .caps import USUAL
 from .gaps import Gaps
 from .native import Ints, addresses
 from .neighbours import Neighbours
+from .row_order import BOND, GEAR, MOTOR, TIE, Row
 
 # [m] from which on a contact of what has joints is reckoned with: an arm's way in a physics step.
 MARGIN = 0.001
@@ -74,6 +75,7 @@ class Simulation:
         motor_forces: What the motor of each degree of freedom did in the last step [N·m or N], shape [nv].
         touched: Of each body, whether it touched something in the last step.
         surfaces: Friction, stiffness, damping and rounding of each geom, shape [ngeom, 4].
+        ranks: Place in Bullet's order of each motor, end of a joint and equality, see `order`.
         neighbours: Who meets, and what of it is near.
         compiled: What `physics_step` takes.
     """
@@ -103,6 +105,7 @@ class Simulation:
         for i, bond in enumerate(scene.bonds):
             self.strengths[model.equality(f"bond:{i}").id] = bond.force
         self.caps = np.full(model.nv, USUAL)
+        self.ranks = tuple(np.zeros(n, np.int64) for n in (model.nv, model.njnt, model.neq))
         self.feels = np.zeros(1, np.bool_)
         seen = data.subtree_com, data.xpos, data.xmat
         self._felt = self.feels, seen, tuple(array.copy() for array in seen)
@@ -186,7 +189,7 @@ class Simulation:
         rules = (self._dt, self._sweeps, self._joint_of, self.motors, *limits, self._shares)
         links = model.geom_bodyid.astype(np.int64)
         bearers = model.body_treeid[links].astype(np.int64)
-        surfaces = self.surfaces, self._geom_body, links, bearers, data.cdof, self.caps
+        surfaces = self.surfaces, self._geom_body, links, bearers, data.cdof, self.caps, self.ranks
         places = addresses(model, data)
         written = data.qfrc_constraint, self.motor_forces
         return (
@@ -252,6 +255,30 @@ class Simulation:
         """Advance by one physics step."""
         physics_step(*self.compiled)
         self.stepped()
+
+    def order(self, rows: Sequence[Row], bonds: Mapping[Any, int]) -> None:
+        """Let rows be solved in an order.
+
+        Args:
+            rows: The order, see `RowOrder.sorted`.
+            bonds: Which equality each bond is.
+        """
+        model, (motors, ends, equalities) = self.model, self.ranks
+        places = dict(zip(self._bodies, self.places, strict=True))
+        is_gear = model.eq_type == int(mujoco.mjtEq.mjEQ_JOINT)
+        gears = {int(model.eq_obj1id[i]): i for i in np.flatnonzero(is_gear)}
+        for rank, (kind, owner, index) in enumerate(rows):
+            if kind == BOND:
+                equalities[bonds[owner]] = rank
+            elif kind != TIE:
+                dof = places[owner].dofs[index]
+                joint = int(model.dof_jntid[dof])
+                if kind == GEAR:
+                    equalities[gears[joint]] = rank
+                elif kind == MOTOR:
+                    motors[dof] = rank
+                else:
+                    ends[joint] = rank
 
     def stepped(self) -> None:
         """Take note that `compiled` was stepped, and of what acted in it."""

@@ -81,6 +81,10 @@ class SpareBonds:
         rows = np.flatnonzero((kinds == _IS_BOND) & (ids == self._number(bond)))
         return float(np.linalg.norm(data.efc_force[rows[:3]]))  # those of turning come after
 
+    def numbers(self) -> dict[Attachment, int]:
+        """Return which equality each bond is."""
+        return self._own | self._taken
+
     def _number(self, bond: Attachment) -> int:
         return self._own[bond] if bond in self._own else self._taken[bond]
 
