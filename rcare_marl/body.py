@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from .world import World
 
 
-GEAR_ERP = 0.9  # share of a gear's position error that is removed in one physics step
+GEAR_ERP = 0.9  # of what Bullet removes of the position error of bonds in one physics step
 FIRST_OWN_GROUP, OWN_GROUPS = 64, 20  # collision groups; Bullet uses the lower ones itself
 
 

@@ -31,16 +31,14 @@ from rcare_marl.tree.least_squares import put
 
 from . import native
 from .caps import cut_speeds
+from .contacts import GIVE, write_contacts
 from .frictions import place_frictions
 from .native import CONTACT_ROW, EQUALITY_ROW, FRICTION_ROW, LIMIT_ROW, call, real, whole, word
 from .neighbours import keep_list
 
 ERP = 0.2  # share of the error of bonds and joint limits that Bullet removes in a physics step
-CONTACT_ERP = 0.08  # the same of the overlap of rigid bodies
-SLOP = 1e-5  # [m] of overlap that Bullet leaves
 # [rad or m] past its limit from where on Bullet stops a joint, but moves it back no more.
 FAR_PAST = -0.04
-GIVE = 1e-9  # R of what is rigid, as a share of what joints give way by
 SETTLED = 1e-7**0.5  # [m/s or rad/s] PyBullet's threshold of a residual, which Bullet squares
 LANES = 8  # how many numbers compiled code takes at once, our own choice
 PLAIN, FIRST, SECOND, TURNING = range(4)  # what limits the force of a row: numbers, or a cone
@@ -70,10 +68,11 @@ def physics_step(places, state, inertia, rules, near, felt, touched) -> None:  #
         rules: Physics step [s]; sweeps of the solver, shape [1]; where in `qpos` the joint of a degree of
             freedom is, shape [nv]; see `motor_table`; greatest forces of motors by degree of freedom, and of
             bonds by equality; share of the error of each equality that is removed in a physics step;
-            friction, stiffness (0 if rigid), damping and rounding [m] of each geom, shape [ngeom, 4]; the
-            number of its body, of its link, and of its tree of degrees of freedom, -1 if it cannot move; how
-            each degree of freedom turns and moves, `cdof`; greatest speed of each degree of freedom; the
-            place in Bullet's order of each motor, end of a joint and equality, shapes [nv], [njnt] and [neq].
+            friction, stiffness (0 if rigid), damping, rounding [m] and whether it is a box of each geom,
+            shape [ngeom, 5]; the number of its body, of its link, and of its tree of degrees of freedom, -1
+            if it cannot move; how each degree of freedom turns and moves, `cdof`; greatest speed of each degree
+            of freedom; the place in Bullet's order of each motor, end of a joint and equality, shapes [nv],
+            [njnt] and [neq], and which equalities are gears; how geoms are turned, shape [ngeom, 9].
         near: See `Neighbours.compiled`.
         felt: Whether to work out what joints transmit, shape [1]; `subtree_com`, `xpos` and `xmat`, and
             where to keep what they are in this step.
@@ -96,6 +95,7 @@ def physics_step(places, state, inertia, rules, near, felt, touched) -> None:  #
         ways,
         caps,
         ranks,
+        turns,
     ) = rules
     call(places[native.KINEMATICS], model, data)
     keep_list(near)
@@ -125,8 +125,15 @@ def physics_step(places, state, inertia, rules, near, felt, touched) -> None:  #
         )
         rows = sizes, starts, columns, jacobian
         place_frictions(places, rows, (kinds, speeds), surfaces, inertia[5], bearers, ways, qvel)
-        contacts = _write_contacts(
-            dt, places, (kinds, speeds, gives), surfaces, (owners, links), wished, soft, touched
+        contacts = write_contacts(
+            dt,
+            places,
+            (kinds, speeds, gives),
+            surfaces,
+            (owners, links, turns),
+            wished,
+            soft,
+            touched,
         )
         wants = soft, wished, most, smooth
         _solve_islands(
@@ -169,69 +176,6 @@ def _write_joints(  # type: ignore[no-untyped-def]
             wished[row] = (speed - velocities[dof]) / dt
             soft[row] = GIVE * gives[row]
             most[row] = greatest[dof]
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _write_contacts(dt, places, rows, surfaces, holders, wished, soft, touched):  # type: ignore[no-untyped-def]
-    """Write what contacts want and how they give way.
-
-    Those of the same two links come the other way round, as they mostly do in Bullet.
-
-    Returns:
-        First row of each contact, -1 if it has none, and how many rows, shape [ncon, 2]; friction along the
-            surface, about the normal and of rolling, shape [ncon, 3].
-    """
-    kinds, speeds, gives = rows
-    owners, links = holders
-    data = places[native.DATA]
-    count = whole(data + places[native.NCON], 1)[0]
-    held, frictions = np.empty((count, 2), np.int64), np.empty((count, 3))
-    start = word(data + places[native.CONTACT])
-    pairs = np.empty(count, np.int64)
-    for i in range(count):
-        geoms = whole(start + i * places[native.CONTACT_SIZE] + places[native.GEOM], 2)
-        one, other = links[geoms[0]], links[geoms[1]]
-        pairs[i] = (min(one, other) << 32) + max(one, other)
-    begin = end = 0
-    for number in range(count):
-        if number == end:
-            begin = end
-            while end < count and pairs[end] == pairs[begin]:
-                end += 1
-        i = begin + end - 1 - number
-        here = start + number * places[native.CONTACT_SIZE]
-        row = whole(here + places[native.EFC_ADDRESS], 1)[0]
-        held[i, 0] = -1
-        if row < 0 or kinds[row] != CONTACT_ROW:
-            continue
-        size = whole(here + places[native.DIM], 1)[0]
-        held[i, 0], held[i, 1] = row, size
-        geoms = whole(here + places[native.GEOM], 2)
-        friction = real(here + places[native.FRICTION], 5)
-        one, other = geoms[0], geoms[1]
-        gap = real(here + places[native.DIST], 1)[0] + SLOP
-        gap -= surfaces[one, 3] + surfaces[other, 3]
-        touched[owners[one]] = touched[owners[other]] = True
-        near = gives[row]
-        first, second = surfaces[one, 1], surfaces[other, 1]
-        give = GIVE * near
-        speed = -gap / dt if gap > 0.0 else -CONTACT_ERP * gap / dt
-        if first > 0.0 or second > 0.0:
-            spring = first + second
-            if first > 0.0 and second > 0.0:
-                spring = first * second / spring
-            both = dt * spring + surfaces[one, 2] + surfaces[other, 2]
-            give = 1.0 / (dt * both)
-            if gap <= 0.0:
-                speed = -gap * spring / both
-        wished[row] = (speed - speeds[row]) / dt
-        soft[row] = give
-        for k in range(1, size):
-            wished[row + k] = -speeds[row + k] / dt
-            soft[row + k] = GIVE * near
-        frictions[i, 0] = surfaces[one, 0] * surfaces[other, 0]
-        frictions[i, 1], frictions[i, 2] = friction[2], friction[3]
-    return held, frictions
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -281,8 +225,9 @@ def _solve_islands(  # type: ignore[no-untyped-def]
         island = order[begin:end]
         for place in range(end - begin):
             own[island[place]] = place
-        answers, moved = _answers(inertia, rows, island)
-        solver = _coupling(rows, island, answers, soft, wished, smooth)
+        geared = _geared(told, island)
+        answers, moved = _answers(inertia, rows, island, geared)
+        solver = _coupling(rows, island, geared, answers, soft, wished, smooth)
         steps = _steps(island, own, told, contacts[0])
         _solve(sweeps, dt, island, steps, told[0], most, solver, contacts[1], forces)
         for tree in range(len(moved)):
@@ -294,22 +239,38 @@ def _solve_islands(  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _answers(inertia, rows, island):  # type: ignore[no-untyped-def]
+def _geared(told, island):  # type: ignore[no-untyped-def]
+    """Return which rows of an island are gears, by their places."""
+    kinds, ids, (_, _, _, gears) = told
+    found, count = np.empty(len(island), np.int64), 0
+    for place in range(len(island)):
+        row = island[place]
+        if kinds[row] == EQUALITY_ROW and gears[ids[row]]:
+            found[count] = place
+            count += 1
+    return found[:count]
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _answers(inertia, rows, island, geared):  # type: ignore[no-untyped-def]
     """Return how joints answer a unit force of each row of an island.
 
     Returns:
-        Accelerations, shape [nv, n or a little more], zero beyond: compiled code takes `LANES` at once; and
-            of each tree whether a row moves it.
+        Accelerations, shape [nv, n or a little more]: compiled code takes `LANES` at once. Those to the first
+            joint's force of each gear follow, then zeros; and of each tree whether a row moves it.
     """
     factors, inverse, lengths, begins, others, trees, firsts, numbers = inertia
     sizes, starts, columns, jacobian = rows
-    wide = -(-len(island) // LANES) * LANES
+    wide = -(-(len(island) + len(geared)) // LANES) * LANES
     answers, moved = np.zeros((len(inverse), wide)), np.zeros(len(firsts), np.bool_)
     for place in range(len(island)):
         row = island[place]
         for k in range(starts[row], starts[row] + sizes[row]):
             answers[columns[k], place] = jacobian[k]
             moved[trees[columns[k]]] = True
+    for i in range(len(geared)):
+        first = starts[island[geared[i]]]
+        answers[columns[first], len(island) + i] = jacobian[first]
     for tree in range(len(moved)):
         if not moved[tree]:
             continue
@@ -331,13 +292,16 @@ def _answers(inertia, rows, island):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _coupling(rows, island, answers, soft, wished, acceleration):  # type: ignore[no-untyped-def]
+def _coupling(rows, island, geared, answers, soft, wished, acceleration):  # type: ignore[no-untyped-def]
     """Return by how much force each row of an island is changed by a unit force of another.
 
+    Bullet leaves out of a gear's own acceleration how its two joints move each other. So a gear's force falls
+    short of, or goes beyond, what it wants, and wants the rest in the next sweep.
+
     Returns:
-        The change in every other row by a force in one, shape [n, n]; the force that each row wants while
-            the others have none; and its acceleration by a unit force of its own, shape [n]. The last axis
-            is as wide as that of `answers`.
+        The change in every row by a force in one, shape [n, n]; the force that each row wants while the
+            others have none; and its acceleration by a unit force of its own, shape [n]. The last axis is as
+            wide as that of `answers`.
     """
     sizes, starts, columns, jacobian = rows
     count, wide = len(island), answers.shape[1]
@@ -352,13 +316,17 @@ def _coupling(rows, island, answers, soft, wished, acceleration):  # type: ignor
                 mine[other] += share * column[other]
         mine[place] += soft[row]
         scales[place] = mine[place]
+        for i in range(len(geared)):
+            if geared[i] == place:
+                last = starts[row] + sizes[row] - 1
+                scales[place] -= 2 * jacobian[last] * answers[columns[last], count + i]
         wanted[place] = -miss / scales[place]
     inverse = 1.0 / scales
     for place in range(count):  # what row does to others is what others do to it
         mine = coupling[place]
         for other in range(wide):
             mine[other] *= inverse[other]
-        mine[place] = 0.0
+        mine[place] -= 1.0  # 0 but for gears
     return coupling, wanted, scales
 
 
@@ -374,7 +342,7 @@ def _steps(island, places, told, contacts):  # type: ignore[no-untyped-def]
     count, found = len(island), 0
     both = np.zeros((2, count + 1, 4), np.int64)
     steps = both[1]
-    kinds, ids, (motors, ends, equalities) = told
+    kinds, ids, (motors, ends, equalities, _) = told
     ranks = np.empty(count, np.int64)
     for place in range(count):
         row = island[place]

@@ -15,6 +15,7 @@ from rcare_marl.scene.scene import Place, Scene
 
 from .bullet_rows import ERP, motor_table, physics_step
 from .caps import USUAL
+from .contacts import edge
 from .gaps import Gaps
 from .native import Ints, addresses
 from .neighbours import Neighbours
@@ -74,8 +75,10 @@ class Simulation:
         torque: What joints are pushed with in the coming step, shape [nv].
         motor_forces: What the motor of each degree of freedom did in the last step [N·m or N], shape [nv].
         touched: Of each body, whether it touched something in the last step.
-        surfaces: Friction, stiffness, damping and rounding of each geom, shape [ngeom, 4].
-        ranks: Place in Bullet's order of each motor, end of a joint and equality, see `order`.
+        surfaces: Friction, stiffness, damping, rounding and whether it is a box, of each geom, shape
+            [ngeom, 5].
+        ranks: Place in Bullet's order of each motor, end of a joint and equality, see `order`; and which
+            equalities are gears.
         neighbours: Who meets, and what of it is near.
         compiled: What `physics_step` takes.
     """
@@ -99,13 +102,13 @@ class Simulation:
             option.disableflags |= int(bit)
         model.jnt_solref[:] = (TIGHT * scene.physics_dt, 1.0)
         is_gear = model.eq_type == int(mujoco.mjtEq.mjEQ_JOINT)
-        self._shares = np.where(is_gear, GEAR_ERP, ERP)
+        self._shares = np.where(is_gear, GEAR_ERP * ERP, ERP)
         self.strengths = np.full(model.neq, np.inf)
         self._roots = {body.name: scene.bodies[body.name].model.root for body in bodies}
         for i, bond in enumerate(scene.bonds):
             self.strengths[model.equality(f"bond:{i}").id] = bond.force
         self.caps = np.full(model.nv, USUAL)
-        self.ranks = tuple(np.zeros(n, np.int64) for n in (model.nv, model.njnt, model.neq))
+        self.ranks = *(np.zeros(n, np.int64) for n in (model.nv, model.njnt, model.neq)), is_gear
         self.feels = np.zeros(1, np.bool_)
         seen = data.subtree_com, data.xpos, data.xmat
         self._felt = self.feels, seen, tuple(array.copy() for array in seen)
@@ -131,7 +134,7 @@ class Simulation:
     def _find_geoms(self, scene: Scene) -> None:
         model, count = self.model, self.model.ngeom
         self._geom_body, self._geom_link = np.zeros(count, np.int64), np.zeros(count, np.int64)
-        self.surfaces = np.zeros((count, 4))
+        self.surfaces = np.zeros((count, 5))
         whose: dict[int, tuple[int, int, Place]] = {}
         for number, (body, places) in enumerate(zip(self._bodies, self.places, strict=True)):
             names = [self._roots[body.name], *(body.link_names[i] for i in range(body.link_count))]
@@ -164,7 +167,7 @@ class Simulation:
         edged = boxes | np.isin(model.geom_type, others)
         self.surfaces[edged, 3] = ROUNDING
         thin = np.minimum(ROUNDING, 0.9 * model.geom_size[boxes].min(axis=1))
-        self.surfaces[boxes, 3] = thin
+        self.surfaces[boxes, 3], self.surfaces[boxes, 4] = thin, 1.0
         model.geom_size[boxes] -= thin[:, None]
         model.geom_margin[edged] += 2 * ROUNDING
 
@@ -189,14 +192,15 @@ class Simulation:
         rules = (self._dt, self._sweeps, self._joint_of, self.motors, *limits, self._shares)
         links = model.geom_bodyid.astype(np.int64)
         bearers = model.body_treeid[links].astype(np.int64)
-        surfaces = self.surfaces, self._geom_body, links, bearers, data.cdof, self.caps, self.ranks
+        surfaces = self.surfaces, self._geom_body, links, bearers, data.cdof, self.caps
+        turned = self.ranks, data.geom_xmat
         places = addresses(model, data)
         written = data.qfrc_constraint, self.motor_forces
         return (
             places,
             (*state, *written),
             (*factors, *trees),
-            (*rules, *surfaces),
+            (*rules, *surfaces, *turned),
             self.neighbours.compiled,
             self._felt,
             self.touched,
@@ -263,9 +267,8 @@ class Simulation:
             rows: The order, see `RowOrder.sorted`.
             bonds: Which equality each bond is.
         """
-        model, (motors, ends, equalities) = self.model, self.ranks
+        model, (motors, ends, equalities, is_gear) = self.model, self.ranks
         places = dict(zip(self._bodies, self.places, strict=True))
-        is_gear = model.eq_type == int(mujoco.mjtEq.mjEQ_JOINT)
         gears = {int(model.eq_obj1id[i]): i for i in np.flatnonzero(is_gear)}
         for rank, (kind, owner, index) in enumerate(rows):
             if kind == BOND:
@@ -394,7 +397,12 @@ class Simulation:
             normal = side * frame[FACING]
             middle = contact.pos[i]
             one, other = contact.geom[i][own], contact.geom[i][1 - own]
-            out = [0.5 * contact.dist[i] - self.surfaces[geom, 3] for geom in (one, other)]
+            outs = self.surfaces[[one, other], 3]
+            if self.surfaces[[one, other], 4].all():
+                outs *= [1 + edge(data.geom_xmat[geom], frame[FACING]) for geom in (one, other)]
+                if contact.dist[i] > outs.sum():
+                    continue
+            out = 0.5 * contact.dist[i] - outs
             drags = [float(forces[row + k]) if k < contact.dim[i] else 0.0 for k in (1, 2)]
             found.append(
                 (
