@@ -485,8 +485,8 @@ def test_joints_and_wrists_feel_what_they_feel_in_bullet(sensed: list[CareEnv], 
 
 
 def test_what_does_not_run_is_refused_by_name(monkeypatch: pytest.MonkeyPatch) -> None:
-    with pytest.raises(ConfigError, match="dressing.*these do: .*feeding"):
-        rcare_marl.make("dressing", engine="mujoco")
+    with pytest.raises(ConfigError, match="tooth_brushing.*these do: .*feeding"):
+        rcare_marl.make("tooth_brushing", engine="mujoco")
     with pytest.raises(UnknownNameError, match="Did you mean 'mujoco'"):
         rcare_marl.make("feeding", engine="mujocco")
     real = builtins.__import__
@@ -534,7 +534,15 @@ def test_a_cup_is_handed_over_and_our_water_drunk_on_mujoco() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "task",
-    ["limb_repositioning", "toileting", "bathing", "drinking", "handing_over", "phyrc_bathing"],
+    [
+        "limb_repositioning",
+        "toileting",
+        "bathing",
+        "drinking",
+        "handing_over",
+        "phyrc_bathing",
+        "dressing",
+    ],
 )
 def test_other_scripts_succeed(task: str) -> None:
     succeeded = sum(success for success, _ in played_by_partners(task, range(3)))

@@ -104,7 +104,6 @@ class Dressing(Task):
 
     reachable_by = CHAIR_ROBOTS - {"stretch_re1"} | {"stretch_re1_dex"}
     least_success = 85
-    engines = ("bullet",)  # on MuJoCo its script gives way where the hem catches: docs/engines.md
     Options = DressingOptions
     room_kinds = ("bedroom", "living", "lounge", "dining", "kitchen")
     slack = 0.1

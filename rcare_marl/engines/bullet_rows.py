@@ -69,10 +69,10 @@ def physics_step(places, state, inertia, rules, near, felt, touched) -> None:  #
             freedom is, shape [nv]; see `motor_table`; greatest forces of motors by degree of freedom, and of
             bonds by equality; share of the error of each equality that is removed in a physics step;
             friction, stiffness (0 if rigid), damping, rounding [m] and whether it is a box of each geom,
-            shape [ngeom, 5]; the number of its body, of its link, and of its tree of degrees of freedom, -1
-            if it cannot move; how each degree of freedom turns and moves, `cdof`; greatest speed of each degree
-            of freedom; the place in Bullet's order of each motor, end of a joint and equality, shapes [nv],
-            [njnt] and [neq], and which equalities are gears; how geoms are turned, shape [ngeom, 9].
+            shape [ngeom, 5]; the number of its body, of its link, and of its tree of degrees of freedom,
+            -1 if it cannot move; how each degree of freedom turns and moves, `cdof`; greatest speed of each;
+            the place in Bullet's order of each motor, end of a joint and equality, shapes [nv], [njnt] and
+            [neq], and which equalities are gears; how geoms are turned, shape [ngeom, 9].
         near: See `Neighbours.compiled`.
         felt: Whether to work out what joints transmit, shape [1]; `subtree_com`, `xpos` and `xmat`, and
             where to keep what they are in this step.
