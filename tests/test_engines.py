@@ -338,7 +338,7 @@ def test_a_box_stops_on_a_box_as_in_bullet(tilt: float) -> None:
     for engine in ("bullet", "mujoco"):
         with closing(make_world(engine, 1 / 240)) as made:
             made.add_box((4, 4, 0.2), Pose((0, 0, -0.1)), name="floor")
-            turn = quaternion_from_axis_angle((0, 1, 0), tilt)
+            turn = tuple(quaternion_from_axis_angle((0, 1, 0), tilt))
             low = 0.05 * (math.cos(tilt) + math.sin(tilt))
             box = made.add_box(
                 (0.1, 0.1, 0.1), Pose((0, 0, low + 0.011), turn), mass=1.0, name="box"
