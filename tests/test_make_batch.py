@@ -81,7 +81,11 @@ def test_processes_give_what_this_process_gives() -> None:
 BAD: dict[str, tuple[dict[str, Any], type[Exception], str]] = {
     "a device that is not there": ({"device": "cuda"}, UnknownNameError, "'cuda'.*Known: cpu"),
     "an engine that is none": ({"engine": "bulet"}, UnknownNameError, "Did you mean 'bullet'"),
-    "a task that the engine has not": ({"task": "dressing"}, ConfigError, "does not run on engine"),
+    "a task that the engine has not": (
+        {"task": "tooth_brushing"},
+        ConfigError,
+        "does not run on engine",
+    ),
     "nobody": ({"recipient": []}, ConfigError, "recipient of a batch needs at least one"),
     "several houses": ({"home": ["a", "b"]}, ConfigError, "home of a batch must be one"),
     "a function": ({"policies": {"recipient": print}}, ConfigError, "must be a name, a file"),

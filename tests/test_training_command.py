@@ -283,7 +283,7 @@ def test_an_engine_is_chosen_and_has_a_folder_of_its_own(
     assert [each.config.recipe().engine for each in recorder.made] == ["mujoco", "bullet"]
     names = [each.folder.name for each in recorder.made]
     assert names == ["feeding_mujoco_sac_seed0", "feeding_sac_seed0"]
-    assert "does not run on engine 'mujoco'" in refusal("dressing", "--engine", "mujoco")
+    assert "does not run on engine 'mujoco'" in refusal("tooth_brushing", "--engine", "mujoco")
 
 
 def test_a_saved_config_is_the_one_it_was(config: Path) -> None:

@@ -80,23 +80,8 @@ def physics_step(places, state, inertia, rules, near, felt, touched) -> None:  #
     """
     model, data = places[native.MODEL], places[native.DATA]
     qpos, qvel, _, smooth, acceleration, pushes, acted = state
-    (
-        dt,
-        sweeps,
-        joints,
-        motors,
-        greatest,
-        strengths,
-        shares,
-        surfaces,
-        owners,
-        links,
-        bearers,
-        ways,
-        caps,
-        ranks,
-        turns,
-    ) = rules
+    dt, sweeps, joints, motors, greatest, strengths, shares = rules[:7]
+    surfaces, owners, links, bearers, ways, caps, ranks, turns = rules[7:]
     call(places[native.KINEMATICS], model, data)
     keep_list(near)
     for stage in range(native.COM, native.ACCELERATION + 1):
@@ -125,21 +110,12 @@ def physics_step(places, state, inertia, rules, near, felt, touched) -> None:  #
         )
         rows = sizes, starts, columns, jacobian
         place_frictions(places, rows, (kinds, speeds), surfaces, inertia[5], bearers, ways, qvel)
-        contacts = write_contacts(
-            dt,
-            places,
-            (kinds, speeds, gives),
-            surfaces,
-            (owners, links, turns),
-            wished,
-            soft,
-            touched,
-        )
+        touching, holders = (kinds, speeds, gives), (owners, links, turns)
+        contacts = write_contacts(dt, places, touching, surfaces, holders, wished, soft, touched)
         wants = soft, wished, most, smooth
+        told, nearby = (kinds, ids, ranks), near[-1][2]
         _solve_islands(
-            *(sweeps[0], dt, inertia, near[-1][2], (kinds, ids, ranks), rows, wants, contacts),
-            forces,
-            acceleration,
+            sweeps[0], dt, inertia, nearby, told, rows, wants, contacts, forces, acceleration
         )
         _push(rows, (kinds, ids), forces, pushes, acted)
     cut_speeds(qvel, acceleration, caps, dt)

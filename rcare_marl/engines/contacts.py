@@ -8,7 +8,7 @@ import numpy as np
 from . import native
 from .native import CONTACT_ROW, real, whole, word
 
-CONTACT_ERP = 0.08  # the same of the overlap of rigid bodies
+CONTACT_ERP = 0.08  # share of the overlap of rigid bodies that Bullet removes in a physics step
 SLOP = 1e-5  # [m] of overlap that Bullet leaves
 GIVE = 1e-9  # R of what is rigid, as a share of what joints give way by
 UNTOUCHED = 1e9  # [m/s²] at which rows of what does not touch want to part: they never push

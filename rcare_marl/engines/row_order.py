@@ -57,7 +57,8 @@ class RowOrder:
         """Return them in the order in which Bullet solves them.
 
         Args:
-            is_apart: Whether a row is in an island of its own, where it does not matter when it is solved.
+            is_apart: Whether a row is of furniture that may sleep, in an island of its own. (While somebody
+                touches that, Bullet has it in the others' island; this order does not know.)
         """
         keys = np.array([is_apart(row) for row in self._rows], np.int64)
         order = np.arange(len(keys))
