@@ -125,7 +125,7 @@ def _advance(steps, scene, people, hold, before, watched):  # type: ignore[no-un
         before: Of each the speed before the last step, shape [nv], written.
         watched: Numbers of bodies.
     """
-    places, state, inertia, rules, near, felt, touched = scene
+    places, state, inertia, rules, near, kept, felt, touched = scene
     positions, velocities, applied = state[0], state[1], state[2]
     for step in range(steps):
         put(velocities, before)
@@ -141,7 +141,7 @@ def _advance(steps, scene, people, hold, before, watched):  # type: ignore[no-un
                     positions[at[i]], velocities[dofs[i]] = angles[i], rates[i]
                     applied[dofs[i]] += torques[i]
         applied += hold
-        physics_step(places, state, inertia, rules, near, felt, touched)
+        physics_step(places, state, inertia, rules, near, kept, felt, touched)
         applied[:] = 0.0
         for body in watched:
             if touched[body]:

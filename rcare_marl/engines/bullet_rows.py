@@ -33,6 +33,7 @@ from . import native
 from .caps import cut_speeds
 from .contacts import GIVE, write_contacts
 from .frictions import place_frictions
+from .manifolds import keep_points
 from .native import CONTACT_ROW, EQUALITY_ROW, FRICTION_ROW, LIMIT_ROW, call, real, whole, word
 from .neighbours import keep_list
 
@@ -56,7 +57,7 @@ def motor_table(count: int) -> Array:
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def physics_step(places, state, inertia, rules, near, felt, touched) -> None:  # type: ignore[no-untyped-def]
+def physics_step(places, state, inertia, rules, near, kept, felt, touched) -> None:  # type: ignore[no-untyped-def]
     """Advance a scene by one physics step.
 
     Args:
@@ -72,8 +73,10 @@ def physics_step(places, state, inertia, rules, near, felt, touched) -> None:  #
             shape [ngeom, 5]; the number of its body, of its link, and of its tree of degrees of freedom,
             -1 if it cannot move; how each degree of freedom turns and moves, `cdof`; greatest speed of each;
             the place in Bullet's order of each motor, end of a joint and equality, shapes [nv], [njnt] and
-            [neq], and which equalities are gears; how geoms are turned, shape [ngeom, 9].
+            [neq], and which equalities are gears; how geoms are turned, shape [ngeom, 9], where
+            they are [m] and how large [m], shapes [ngeom, 3].
         near: See `Neighbours.compiled`.
+        kept: See `Manifolds.compiled`.
         felt: Whether to work out what joints transmit, shape [1]; `subtree_com`, `xpos` and `xmat`, and
             where to keep what they are in this step.
         touched: Of each body, whether it touches something, written.
@@ -81,10 +84,9 @@ def physics_step(places, state, inertia, rules, near, felt, touched) -> None:  #
     model, data = places[native.MODEL], places[native.DATA]
     qpos, qvel, _, smooth, acceleration, pushes, acted = state
     dt, sweeps, joints, motors, greatest, strengths, shares = rules[:7]
-    surfaces, owners, links, bearers, ways, caps, ranks, turns = rules[7:]
-    call(places[native.KINEMATICS], model, data)
-    keep_list(near)
-    for stage in range(native.COM, native.ACCELERATION + 1):
+    surfaces, owners, _, bearers, ways, caps, ranks, _ = rules[7:]
+    _find_contacts(places, rules, near, kept)
+    for stage in range(native.ROWS, native.ACCELERATION + 1):
         call(places[stage], model, data)
     cut_speeds(qvel, smooth, caps, dt)
     put(smooth, acceleration)
@@ -110,8 +112,8 @@ def physics_step(places, state, inertia, rules, near, felt, touched) -> None:  #
         )
         rows = sizes, starts, columns, jacobian
         place_frictions(places, rows, (kinds, speeds), surfaces, inertia[5], bearers, ways, qvel)
-        touching, holders = (kinds, speeds, gives), (owners, links, turns)
-        contacts = write_contacts(dt, places, touching, surfaces, holders, wished, soft, touched)
+        touching = kinds, speeds, gives
+        contacts = write_contacts(dt, places, touching, surfaces, owners, wished, soft, touched)
         wants = soft, wished, most, smooth
         told, nearby = (kinds, ids, ranks), near[-1][2]
         _solve_islands(
@@ -119,12 +121,28 @@ def physics_step(places, state, inertia, rules, near, felt, touched) -> None:  #
         )
         _push(rows, (kinds, ids), forces, pushes, acted)
     cut_speeds(qvel, acceleration, caps, dt)
-    feels, present, kept = felt
+    feels, present, past = felt
     if feels[0]:
         call(places[native.RNE], model, data)
-        for k in range(len(kept)):
-            np.multiply(present[k], 1.0, kept[k])
+        for k in range(len(past)):
+            np.multiply(present[k], 1.0, past[k])
     call(places[native.EULER], model, data)
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def touch(places, state, inertia, rules, near, kept, felt, touched) -> None:  # type: ignore[no-untyped-def]
+    """Find what touches where the scene is now, and do nothing else. See `physics_step`."""
+    _find_contacts(places, rules, near, kept)
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _find_contacts(places, rules, near, kept) -> None:  # type: ignore[no-untyped-def]
+    """Find where all is, and what touches."""
+    call(places[native.KINEMATICS], places[native.MODEL], places[native.DATA])
+    keep_list(near)
+    for stage in range(native.COM, native.ROWS):
+        call(places[stage], places[native.MODEL], places[native.DATA])
+    keep_points(places, rules[-1], rules[7], rules[9], near, kept)
 
 
 @numba.njit(cache=True, error_model="numpy")

@@ -11,39 +11,23 @@ from .native import CONTACT_ROW, real, whole, word
 CONTACT_ERP = 0.08  # share of the overlap of rigid bodies that Bullet removes in a physics step
 SLOP = 1e-5  # [m] of overlap that Bullet leaves
 GIVE = 1e-9  # R of what is rigid, as a share of what joints give way by
-UNTOUCHED = 1e9  # [m/s²] at which rows of what does not touch want to part: they never push
 
 
 @numba.njit(cache=True, error_model="numpy")
-def write_contacts(dt, places, rows, surfaces, holders, wished, soft, touched):  # type: ignore[no-untyped-def]
+def write_contacts(dt, places, rows, surfaces, owners, wished, soft, touched):  # type: ignore[no-untyped-def]
     """Write what contacts want and how they give way.
-
-    Those of the same two links come the other way round, as they mostly do in Bullet. Two boxes have sharp
-    edges in Bullet and touch once they overlap; all else is rounded off, and stopped on the way.
 
     Returns:
         First row of each contact, -1 if it has none, and how many rows, shape [ncon, 2]; friction along the
             surface, about the normal and of rolling, shape [ncon, 3].
     """
     kinds, speeds, gives = rows
-    owners, links, turns = holders
     data = places[native.DATA]
     count = whole(data + places[native.NCON], 1)[0]
     held, frictions = np.empty((count, 2), np.int64), np.empty((count, 3))
     start = word(data + places[native.CONTACT])
-    pairs = np.empty(count, np.int64)
     for i in range(count):
-        geoms = whole(start + i * places[native.CONTACT_SIZE] + places[native.GEOM], 2)
-        one, other = links[geoms[0]], links[geoms[1]]
-        pairs[i] = (min(one, other) << 32) + max(one, other)
-    begin = end = 0
-    for number in range(count):
-        if number == end:
-            begin = end
-            while end < count and pairs[end] == pairs[begin]:
-                end += 1
-        i = begin + end - 1 - number
-        here = start + number * places[native.CONTACT_SIZE]
+        here = start + i * places[native.CONTACT_SIZE]
         row = whole(here + places[native.EFC_ADDRESS], 1)[0]
         held[i, 0] = -1
         if row < 0 or kinds[row] != CONTACT_ROW:
@@ -56,15 +40,6 @@ def write_contacts(dt, places, rows, surfaces, holders, wished, soft, touched): 
         gap = real(here + places[native.DIST], 1)[0] + SLOP
         gap -= surfaces[one, 3] + surfaces[other, 3]
         near = gives[row]
-        if surfaces[one, 4] > 0.0 and surfaces[other, 4] > 0.0:
-            normal = real(here + places[native.FRAME], 3)
-            gap -= surfaces[one, 3] * edge(turns[one], normal)
-            gap -= surfaces[other, 3] * edge(turns[other], normal)
-            if gap > SLOP:
-                wished[row], soft[row] = -UNTOUCHED, GIVE * near
-                for k in range(1, size):
-                    wished[row + k], soft[row + k] = 0.0, GIVE * near
-                continue
         touched[owners[one]] = touched[owners[other]] = True
         first, second = surfaces[one, 1], surfaces[other, 1]
         give = GIVE * near
@@ -85,14 +60,3 @@ def write_contacts(dt, places, rows, surfaces, holders, wished, soft, touched): 
         frictions[i, 0] = surfaces[one, 0] * surfaces[other, 0]
         frictions[i, 1], frictions[i, 2] = friction[2], friction[3]
     return held, frictions
-
-
-@numba.njit(cache=True, error_model="numpy")
-def edge(turn, normal):  # type: ignore[no-untyped-def]
-    """Return how far beyond its rounding a box with sharp edges reaches along a normal, in roundings."""
-    reach = -1.0
-    for axis in range(3):
-        reach += abs(
-            turn[axis] * normal[0] + turn[3 + axis] * normal[1] + turn[6 + axis] * normal[2]
-        )
-    return reach

@@ -52,7 +52,7 @@ FIELDS = (  # of mjData
     "efc_vel",
     "efc_force",
 )
-CONTACT_FIELDS = ("dist", "frame", "friction", "dim", "geom", "efc_address")
+CONTACT_FIELDS = ("dist", "pos", "frame", "friction", "dim", "geom", "efc_address")
 # Places in `addresses`: of functions, fields, and those of a contact.
 (
     MODEL,
@@ -83,7 +83,7 @@ CONTACT_FIELDS = ("dist", "frame", "friction", "dim", "geom", "efc_address")
     EFC_VEL,
     EFC_FORCE,
 ) = range(12, 25)
-DIST, FRAME, FRICTION, DIM, GEOM, EFC_ADDRESS, CONTACT_SIZE = range(25, 32)
+DIST, POS, FRAME, FRICTION, DIM, GEOM, EFC_ADDRESS, CONTACT_SIZE = range(25, 33)
 EQUALITY_ROW, FRICTION_ROW, LIMIT_ROW, CONTACT_ROW = 0, 1, 3, 7  # MuJoCo's mjtConstraint
 _VALUES: dict[str, Any] = {
     "int": ctypes.c_int,
@@ -141,10 +141,15 @@ def addresses(model: Any, data: Any) -> Ints:
             *(function(name) for name in FUNCTIONS),
             *(getattr(kind, name).offset for name in FIELDS),
             *(getattr(contact, name).offset for name in CONTACT_FIELDS),
-            ctypes.sizeof(contact),
+            contact_size(),
         ],
         np.int64,
     )
+
+
+def contact_size() -> int:
+    """Return how many bytes a contact takes."""
+    return ctypes.sizeof(struct("mjContact"))
 
 
 @cache

@@ -16,6 +16,8 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
+from rcare_marl.pose import Array
+
 from .native import Ints, struct, whole
 
 # [m] that boxes are apart, beyond the skin, up to where what touches something is solved together: about
@@ -32,8 +34,15 @@ class Neighbours:
         compiled: What `keep_list` takes.
     """
 
-    def __init__(self, model: Any, data: Any, bodies: Sequence[Ints]) -> None:
-        """Take a scene whose shapes and margins no longer change, and the numbers of each body's links."""
+    def __init__(self, model: Any, data: Any, bodies: Sequence[Ints], loose: Array) -> None:
+        """Take a scene whose shapes and margins no longer change.
+
+        Args:
+            model: MuJoCo's model.
+            data: Its data.
+            bodies: The numbers of each body's links.
+            loose: How far apart points in which each geom touches may come [m], shape [ngeom].
+        """
         count, still = model.nbody, model.body_weldid
         self._apart = np.triu(still[:, None] != still[None], 1)
         self._meets = _meeting(model) & self._apart
@@ -49,7 +58,12 @@ class Neighbours:
         reach = np.zeros(count)
         far = np.linalg.norm(model.geom_pos, axis=1) + np.linalg.norm(boxes, axis=2).sum(axis=1)
         np.maximum.at(reach, model.geom_bodyid, far)
-        rubs = model.geom_condim.astype(np.int32), model.geom_friction, model.geom_margin.copy()
+        rubs = (
+            model.geom_condim.astype(np.int32),
+            model.geom_friction,
+            model.geom_margin.copy(),
+            loose,
+        )
         most = min(int((np.cumsum(counts) - counts) @ counts), MOST)
         counted = {
             name: np.zeros(most, np.int32) for name in ("dim", "geom1", "geom2", "signature")
@@ -124,8 +138,8 @@ def keep_list(near) -> None:  # type: ignore[no-untyped-def]
             Of each geom where it is and how it is turned; its box, middle and half edges, in its own frame;
             and its box in the world with half of the skin, least and greatest corner, shape [ngeom, 2, 3].
             Links that have geoms; first and number of those of each link; the box of each link; and who
-            meets, shape [nbody, nbody]. Of each geom the kind of contact, friction and margin; and the
-            same of pairs, with geoms and links, as MuJoCo has them. The tree of each link, -1 if it cannot
+            meets, shape [nbody, nbody]. Of each geom the kind of contact, friction, margin and how
+            loose its points may be; and the same of pairs, with geoms and links, as MuJoCo has them. The tree of each link, -1 if it cannot
             move; of each tree the number of its body; and the number by which it goes with all that is near.
     """
     place, is_stale, links, _, (solid, _, _, _, _), _, _, _ = near
@@ -150,7 +164,7 @@ def keep_list(near) -> None:  # type: ignore[no-untyped-def]
 @numba.njit(cache=True, error_model="numpy")
 def _find_boxes(near) -> None:  # type: ignore[no-untyped-def]
     """Find the boxes of all links that have moved."""
-    _, _, links, geoms, (solid, begins, counts, hulls, _), (_, _, margins), _, _ = near
+    _, _, links, geoms, (solid, begins, counts, hulls, _), (_, _, margins, _), _, _ = near
     spots, turns, old_spots, old_turns, _ = links
     geom_spots, geom_turns, boxes, found = geoms
     for link in solid:
@@ -200,7 +214,7 @@ def _join(near) -> None:  # type: ignore[no-untyped-def]
 def _find_pairs(near) -> int:  # type: ignore[no-untyped-def]
     """Write the pairs of geoms whose boxes overlap, and return how many."""
     _, _, _, (_, _, _, boxes), (solid, begins, counts, hulls, meets), rubs, written, _ = near
-    kinds, frictions, margins = rubs
+    kinds, frictions, margins, loose = rubs
     sizes, ones, others, signatures, gaps, rubbing = written
     count = 0
     for i, one in enumerate(solid):
@@ -220,7 +234,7 @@ def _find_pairs(near) -> int:  # type: ignore[no-untyped-def]
                     ones[count], others[count] = a, b
                     signatures[count] = (one << 16) + other
                     sizes[count] = max(kinds[a], kinds[b])
-                    gaps[count] = margins[a] + margins[b]
+                    gaps[count] = margins[a] + margins[b] + min(loose[a], loose[b])
                     for k, axis in enumerate((0, 0, 1, 2, 2)):  # two ways, spinning, rolling
                         rubbing[count, k] = max(frictions[a, axis], frictions[b, axis])
                     count += 1

@@ -63,26 +63,30 @@ class RowOrder:
         keys = np.array([is_apart(row) for row in self._rows], np.int64)
         order = np.arange(len(keys))
         if len(keys) > 1:
-            _quicksort(keys, order, 0, len(keys) - 1)
+            quicksort(keys, order)
         return [self._rows[i] for i in order]
 
 
 @numba.njit(cache=True)
-def _quicksort(keys: Ints, order: Ints, low: int, high: int) -> None:
+def quicksort(keys: Ints, order: Ints) -> None:
     """Sort `order` by `keys` as Bullet's arrays do, which swap what is equal as well."""
-    i, j, middle = low, high, keys[order[(low + high) // 2]]
-    while True:
-        while keys[order[i]] < middle:
-            i += 1
-        while middle < keys[order[j]]:
-            j -= 1
-        if i <= j:
-            order[i], order[j] = order[j], order[i]
-            i += 1
-            j -= 1
-        if i > j:
-            break
-    if low < j:
-        _quicksort(keys, order, low, j)
-    if i < high:
-        _quicksort(keys, order, i, high)
+    ranges, count = np.empty((len(order) + 1, 2), np.int64), 1
+    ranges[0, 0], ranges[0, 1] = 0, len(order) - 1
+    while count > 0:
+        count -= 1
+        low, high = ranges[count, 0], ranges[count, 1]
+        i, j = low, high
+        middle = keys[order[(low + high) // 2]]
+        while i <= j:
+            while keys[order[i]] < middle:
+                i += 1
+            while middle < keys[order[j]]:
+                j -= 1
+            if i <= j:
+                order[i], order[j] = order[j], order[i]
+                i += 1
+                j -= 1
+        for begin, end in ((low, j), (i, high)):
+            if begin < end:
+                ranges[count, 0], ranges[count, 1] = begin, end
+                count += 1

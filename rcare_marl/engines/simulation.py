@@ -13,10 +13,10 @@ from rcare_marl.pose import Array, Pose, Vector
 from rcare_marl.scene.mjcf import START, body_name, joint_name, mjcf
 from rcare_marl.scene.scene import Place, Scene
 
-from .bullet_rows import ERP, motor_table, physics_step
+from .bullet_rows import ERP, motor_table, physics_step, touch
 from .caps import USUAL
-from .contacts import edge
 from .gaps import Gaps
+from .manifolds import Manifolds
 from .native import Ints, addresses
 from .neighbours import Neighbours
 from .row_order import BOND, GEAR, MOTOR, TIE, Row
@@ -80,6 +80,7 @@ class Simulation:
         ranks: Place in Bullet's order of each motor, end of a joint and equality, see `order`; and which
             equalities are gears.
         neighbours: Who meets, and what of it is near.
+        manifolds: The points in which shapes touched before.
         compiled: What `physics_step` takes.
     """
 
@@ -123,7 +124,9 @@ class Simulation:
         self._joint_of = model.jnt_qposadr[model.dof_jntid].astype(np.int64)  # of free bases unused
         self.touched = np.zeros(len(bodies), np.bool_)
         self.motor_forces = np.zeros(model.nv)
-        self.neighbours = Neighbours(model, data, [places.links for places in self.places])
+        self.manifolds = Manifolds(model, self.surfaces[:, 3], self._frames())
+        links = [places.links for places in self.places]
+        self.neighbours = Neighbours(model, data, links, self.manifolds.loose)
         self.compiled = self._compiled()
         self._gaps = Gaps(model, data, self.surfaces[:, 3].copy())
         self._compared: dict[Any, tuple[Ints, Ints, Ints]] = {}
@@ -169,7 +172,17 @@ class Simulation:
         thin = np.minimum(ROUNDING, 0.9 * model.geom_size[boxes].min(axis=1))
         self.surfaces[boxes, 3], self.surfaces[boxes, 4] = thin, 1.0
         model.geom_size[boxes] -= thin[:, None]
+        model.geom_aabb[boxes, 3:] -= thin[:, None]
         model.geom_margin[edged] += 2 * ROUNDING
+
+    def _frames(self) -> list[tuple[Array, Array]]:
+        """Return the main axes of each link, and its centre of mass [m], as Bullet has them."""
+        found = [(np.eye(3), np.zeros(3))] * int(self.model.nbody)
+        for body, places in zip(self._bodies, self.places, strict=True):
+            for index, link in enumerate(places.links.tolist()):
+                frame = body.inertial_pose(index - 1)
+                found[link] = frame.matrix()[:3, :3].copy(), np.array(frame.position)
+        return found
 
     def _begin_motors(self) -> None:
         """Take dry friction of the joints that have any; others have the motor of Bullet's default."""
@@ -193,7 +206,7 @@ class Simulation:
         links = model.geom_bodyid.astype(np.int64)
         bearers = model.body_treeid[links].astype(np.int64)
         surfaces = self.surfaces, self._geom_body, links, bearers, data.cdof, self.caps
-        turned = self.ranks, data.geom_xmat
+        turned = self.ranks, (data.geom_xmat, data.geom_xpos, model.geom_size)
         places = addresses(model, data)
         written = data.qfrc_constraint, self.motor_forces
         return (
@@ -202,6 +215,7 @@ class Simulation:
             (*factors, *trees),
             (*rules, *surfaces, *turned),
             self.neighbours.compiled,
+            self.manifolds.compiled,
             self._felt,
             self.touched,
         )
@@ -236,6 +250,8 @@ class Simulation:
         self.touched[:] = self._pushed = False
         self.motor_forces[:] = 0.0
         self.moved()
+        self.manifolds.forget()
+        touch(*self.compiled)
 
     def moved(self) -> None:
         """Take note that something is elsewhere: what follows from positions is found when asked for."""
@@ -398,10 +414,6 @@ class Simulation:
             middle = contact.pos[i]
             one, other = contact.geom[i][own], contact.geom[i][1 - own]
             outs = self.surfaces[[one, other], 3]
-            if self.surfaces[[one, other], 4].all():
-                outs *= [1 + edge(data.geom_xmat[geom], frame[FACING]) for geom in (one, other)]
-                if contact.dist[i] > outs.sum():
-                    continue
             out = 0.5 * contact.dist[i] - outs
             drags = [float(forces[row + k]) if k < contact.dim[i] else 0.0 for k in (1, 2)]
             found.append(
