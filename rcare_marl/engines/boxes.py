@@ -1,10 +1,10 @@
 """Where two boxes overlap, as Bullet finds it.
 
-Of the fifteen axes that can part two boxes that along which they overlap least is taken: a face of one, or what
-is square to an edge of each. Edges touch in one point. Of a face the nearest face of the other box is cut to its
-size, and the corners that lie behind it touch, four at most: the deepest, and those in the directions that are
-nearest to right angles from it. (The method of D. Gottschalk et al. 1996, with contacts as the Open Dynamics
-Engine has them, R. Smith 2004; written anew.)
+Of the fifteen axes that can part two boxes that along which they overlap least is taken: a face of one, or
+what is square to an edge of each. Edges touch in one point. Of a face the nearest face of the other box is
+cut to its size, and the corners that lie behind it touch, four at most: the deepest, and those in the
+directions that are nearest to right angles from it. (The method of D. Gottschalk et al. 1996, with contacts
+as the Open Dynamics Engine has them, R. Smith 2004; written anew.)
 """
 
 from __future__ import annotations
@@ -51,9 +51,9 @@ def boxes_touch(first, second, points):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True, error_model="numpy")
 def _least_overlap(turn, half, other_turn, other_half, way, axes):  # type: ignore[no-untyped-def]
-    """Return the axis along which two boxes overlap least, from one to the other, by how much, and which it is.
+    """Return the axis along which two boxes overlap least, from one to the other, and how far.
 
-    Those of faces are 0 to 5, those of edges 6 to 14; -1 if the boxes are apart.
+    Its number comes with it: those of faces are 0 to 5, those of edges 6 to 14; -1 if the boxes are apart.
     """
     normal, best, code = np.zeros(3), -np.inf, -1
     for face in range(6):

@@ -1,36 +1,43 @@
 """Points in which shapes touch, kept from step to step and in order, as Bullet keeps them.
 
 In a physics step Bullet finds one point of two shapes, where they are nearest or overlap most (of two boxes
-several), and keeps those of the steps before, four at most, for as long as they stay on each other. So an arm
-that is laid on a plate touches at one end, then at both. MuJoCo finds both ends at once, and forgets them. Here
-the deepest point that MuJoCo finds is that of Bullet's step, and the others are kept by Bullet's rules.
+several), and keeps those of the steps before, four at most, for as long as they stay on each other. So an
+arm that is laid on a plate touches at one end, then at both. MuJoCo finds both ends at once, and forgets
+them. Here the deepest point that MuJoCo finds is that of Bullet's step, and the others are kept by Bullet's
+rules.
 
-Bullet has a list of shapes whose boxes overlap: what comes is added at its end, and the last takes the place of
-what goes. Those that touch are sorted by their links with a quicksort that is not stable, so that the shapes of
-two links come in an order that depends on all others. The solver's sweeps do not converge, so it shows.
+Bullet has a list of shapes whose boxes overlap: what comes is added at its end, and the last takes the place
+of what goes. Those that touch are sorted by their links with a quicksort that is not stable, so that the
+shapes of two links come in an order that depends on all others. The solver's sweeps do not converge, so it
+shows.
+
+Of a ball no point is kept but the newest, nor is it listed: what Bullet keeps besides of food is within
+0.2 mm of it, and costs time.
 """
 
 from __future__ import annotations
 
 from typing import Any
 
+import mujoco
 import numba
 import numpy as np
 
 from rcare_marl.pose import Array
 
 from . import native
-from .boxes import boxes_touch
 from .native import real, whole, word
+from .points import GAP, MOST, keep_pair, refresh, write_point
 from .row_order import quicksort
 
-MOST = 4  # points of two shapes that Bullet keeps
 # Of the reach of the smaller link from its centre of mass, how far points may come apart: Bullet's.
 LOOSE = 0.02
 WIDE = 0.02  # [m] by which Bullet's boxes of links are wider than they are
 Frames = list[tuple[Array, Array]]
-PAIRS, CONTACTS = 1024, 2048  # our own choice; more of them are a MemoryError
-ON_ONE, ON_OTHER, NORMAL, GAP = slice(0, 3), slice(3, 6), slice(6, 9), 9
+PAIRS, BALLS, CONTACTS = 1024, 1024, 2048  # our own choice; more of them are a MemoryError
+# What is written of pairs that touch: their place in the list, their geoms, whether points are not as MuJoCo
+# found them, which contact of MuJoCo's it was, and what they are sorted by.
+PLACE, ONE, OTHER, IS_NEW, FOUND, KEY = range(6)
 
 
 class Manifolds:
@@ -39,10 +46,11 @@ class Manifolds:
     Attributes:
         loose: How far apart points in which each geom touches may come [m], shape [ngeom].
         compiled: What `keep_points` takes. Of each geom how loose its points may be [m], how wide its box is
-            beyond MuJoCo's, whether it is a link by itself, its box along its link, and the link; where pairs of geoms are in the list, shape
-            [ngeom, ngeom], -1 if their boxes are apart; the list, shape [pairs, 2]; how many are in it, and
-            a clock; the points of each: how many, where they are on either geom, in its frame, the normal in
-            the world and the gap, shape [pairs, 4, 10]; when boxes were last seen to overlap; and room.
+            beyond MuJoCo's, whether it is a link by itself, whether it is a ball, its box along its link,
+            and the link; main axes of links; where pairs of geoms are in the list, shape [ngeom, ngeom], -1
+            if their boxes are apart; the list, shape [pairs, 2]; how many are in it, and a clock; the
+            points of each: how many, where they are on either geom, in its frame, the normal in the world
+            and the gap, shape [pairs, 4, 10]; when boxes were last seen to overlap; and room.
     """
 
     def __init__(self, model: Any, roundings: Array, frames: Frames) -> None:
@@ -57,26 +65,33 @@ class Manifolds:
             np.full((model.ngeom, model.ngeom), -1, np.int16),
             np.zeros((PAIRS, 2), np.int64),
             np.zeros(2, np.int64),
-            np.zeros(PAIRS, np.int64),
-            np.zeros((PAIRS, MOST, 10)),
+            np.zeros(PAIRS + BALLS, np.int64),
+            np.zeros((PAIRS + BALLS, MOST, 10)),
             np.zeros(PAIRS, np.int64),
         )
         size = native.contact_size() // 8
         boxes = _boxes(model, roundings, frames)
-        axes, centres = (np.array([frame[i] for frame in frames]) for i in range(2))
+        axes = np.array([frame[0] for frame in frames])
         self.loose = LOOSE * _reaches(model, boxes)
         links = model.geom_bodyid.astype(np.int64)
-        shapes = self.loose, (roundings, _plain(model, frames), boxes, links, axes, centres)
+        room = np.zeros((model.ngeom, 2, 3)), np.zeros(model.ngeom, np.int64), np.zeros((2, 3, 3))
+        balls = model.geom_type == int(mujoco.mjtGeom.mjGEOM_SPHERE)
+        shapes = roundings, _plain(model, frames), balls, boxes, links, axes, room
         self.compiled = (
-            shapes,
+            (self.loose, shapes),
             self._kept,
-            (np.zeros((CONTACTS, size)), np.zeros((PAIRS, 3), np.int64)),
+            (
+                np.zeros((CONTACTS, size)),
+                np.zeros((PAIRS + BALLS, 6), np.int64),
+                np.zeros(PAIRS + BALLS, np.int64),
+                np.zeros((MOST, 10)),
+            ),
         )
 
     def forget(self) -> None:
         """Keep nothing."""
         self._kept[0][:] = -1
-        self._kept[2][:] = 0
+        self._kept[2][0] = 0
 
 
 def _boxes(model: Any, widths: Array, frames: Frames) -> Array:
@@ -84,8 +99,6 @@ def _boxes(model: Any, widths: Array, frames: Frames) -> Array:
 
     Middle and half edges [m], shape [ngeom, 2, 3].
     """
-    import mujoco
-
     turn, found = np.zeros(9), np.empty((model.ngeom, 2, 3))
     for geom, link in enumerate(model.geom_bodyid):
         mujoco.mju_quat2Mat(turn, model.geom_quat[geom])
@@ -122,6 +135,9 @@ def _plain(model: Any, frames: Frames) -> Any:
 def keep_points(places, geoms, surfaces, links, near, kept) -> None:  # type: ignore[no-untyped-def]
     """Put the contacts that Bullet would have in the place of those that MuJoCo has found.
 
+    Most shapes touch in one point, which is where they touched before. That is worked out here and not in a
+    function: to hand it arrays would take as long.
+
     Args:
         places: See `native.addresses`.
         geoms: How geoms are turned, shape [ngeom, 9], where they are [m] and half edges of boxes [m], shapes
@@ -131,98 +147,165 @@ def keep_points(places, geoms, surfaces, links, near, kept) -> None:  # type: ig
         near: See `Neighbours.compiled`.
         kept: See `Manifolds.compiled`, written.
     """
-    (loose, shapes), (where_listed, listed, state, counts, points, seen), (room, found) = kept
+    (loose, shapes), lists, (room, found, now, fresh) = kept
+    where_listed, listed, state, counts, points, _ = lists
     turns, spots, sizes = geoms
-    _list_pairs(near, shapes, (where_listed, listed, state, counts, points, seen))
+    _list_pairs(near, shapes, lists, now)
     count = whole(places[native.DATA] + places[native.NCON], 1)
     start = word(places[native.DATA] + places[native.CONTACT])
-    size = places[native.CONTACT_SIZE]
     first = number = 0
-    edges, fresh = np.empty((2, 3)), np.empty((MOST, 10))
-    for place in range(state[0]):
-        one, other = listed[place, 0], listed[place, 1]
-        if counts[place] > 0:
-            where = turns[one], spots[one], turns[other], spots[other]
-            counts[place] = _refresh(
-                points[place], counts[place], where, min(loose[one], loose[other])
-            )
+    is_same, before, margins, balls = True, -1, near[5][2], shapes[2]
     while first < count[0]:
-        pair = whole(start + first * size + places[native.GEOM], 2)
-        one, other = pair[0], pair[1]
-        end, deepest = first, first
-        while end < count[0]:
-            also = whole(start + end * size + places[native.GEOM], 2)
-            if also[0] != one or also[1] != other:
-                break
-            here, least = start + end * size, start + deepest * size
-            if real(here + places[native.DIST], 1)[0] < real(least + places[native.DIST], 1)[0]:
-                deepest = end
-            end += 1
+        one, other, end, deepest, gap = _deepest(places, start, first, count[0])
+        is_same &= end == first + 1
         first = end
-        place = where_listed[one, other]
-        if place < 0:
+        out, across, slack = surfaces[one, 3], surfaces[other, 3], min(loose[one], loose[other])
+        here, place = start + deepest * places[native.CONTACT_SIZE], where_listed[one, other]
+        is_ball = balls[one] or balls[other]
+        key = (min(links[one], links[other]) << 32) + max(links[one], links[other])
+        if is_ball:
+            if number == BALLS:
+                raise MemoryError("more shapes touch than there is room for")
+            place = PAIRS + number
+            counts[place], points[place, 0, GAP] = 1, gap - out - across
+        elif place < 0:
+            is_same = False
             continue
-        where = turns[one], spots[one], turns[other], spots[other]
-        outs, slack = (surfaces[one, 3], surfaces[other, 3]), min(loose[one], loose[other])
-        mine, many = points[place], counts[place]
-        new = 1
-        if surfaces[one, 4] > 0.0 and surfaces[other, 4] > 0.0:
+        frame, middle = real(here + places[native.FRAME], 3), real(here + places[native.POS], 3)
+        gap -= out + across
+        for axis in range(0 if is_ball else 3):
+            mine = theirs = 0.0
             for k in range(3):
-                edges[0, k], edges[1, k] = sizes[one, k] + outs[0], sizes[other, k] + outs[1]
-            box = turns[one].reshape(3, 3), spots[one], edges[0]
-            new = boxes_touch(box, (turns[other].reshape(3, 3), spots[other], edges[1]), fresh)
+                half = 0.5 * (gap - out + across) * frame[k]
+                mine += turns[one, 3 * k + axis] * (middle[k] - half - spots[one, k])
+                half = 0.5 * (gap + out - across) * frame[k]
+                theirs += turns[other, 3 * k + axis] * (middle[k] + half - spots[other, k])
+            fresh[0, axis], fresh[0, 3 + axis], fresh[0, 6 + axis] = mine, theirs, frame[axis]
+        fresh[0, GAP] = gap
+        many, apart = counts[place], 0.0
+        if many > 0 and not is_ball:
+            for k in range(3):
+                apart += (points[place, 0, k] - fresh[0, k]) ** 2
+        are_boxes = surfaces[one, 4] > 0.0 and surfaces[other, 4] > 0.0
+        if is_ball:
+            found[number, IS_NEW] = 0
+        elif not are_boxes and gap <= slack and (many == 0 or (many == 1 and apart < slack**2)):
+            for k in range(10):
+                points[place, 0, k] = fresh[0, k]
+            counts[place], found[number, IS_NEW] = 1, 0
         else:
-            _see(places, start + deepest * size, outs, fresh[0])
-        for i in range(new):
-            _bring(fresh[i], where)
-            many = _add(mine, many, fresh[i], slack)
-        counts[place] = _refresh(mine, many, where, slack)
+            where = turns[one], spots[one], turns[other], spots[other]
+            edges = sizes[one] + out, sizes[other] + across
+            counts[place] = keep_pair(points[place], many, where, (edges, are_boxes), slack, fresh)
+            found[number, IS_NEW], is_same = 1, False
+        now[place] = state[1]
+        is_same &= counts[place] > 0
         if counts[place] > 0:
-            room[number] = real(start + deepest * size, size // 8)
-            found[number, 0], found[number, 1], found[number, 2] = place, one, other
+            is_same &= key > before or (is_ball and key == before)
+            is_same &= gap <= margins[one] + margins[other] - out - across
+            before = key
+            found[number, PLACE], found[number, ONE], found[number, OTHER] = place, one, other
+            found[number, FOUND], found[number, KEY] = deepest, key
             number += 1
-    margins = near[5][2]
-    count[0] = _write_all(
-        places, start, geoms, (surfaces, margins), links, (counts, points), (room, found, number)
-    )
+    _refresh_others(geoms, loose, listed, state, counts, points, now)
+    if not is_same:
+        skins, held = (surfaces, margins), (counts, points)
+        count[0] = _write_all(places, start, geoms, skins, held, (room, found, number))
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _list_pairs(near, shapes, kept) -> None:  # type: ignore[no-untyped-def]
+def _deepest(places, start, first, count):  # type: ignore[no-untyped-def]
+    """Return the geoms of a contact of MuJoCo's, the end of theirs, the deepest of them and its gap [m]."""
+    size = places[native.CONTACT_SIZE]
+    pair = whole(start + first * size + places[native.GEOM], 2)
+    end, deepest, gap = first, first, np.inf
+    while end < count:
+        also = whole(start + end * size + places[native.GEOM], 2)
+        if also[0] != pair[0] or also[1] != pair[1]:
+            break
+        depth = real(start + end * size + places[native.DIST], 1)[0]
+        if depth < gap:
+            deepest, gap = end, depth
+        end += 1
+    return pair[0], pair[1], end, deepest, gap
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _refresh_others(geoms, loose, listed, state, counts, points, now) -> None:  # type: ignore[no-untyped-def]
+    """Find the gaps of pairs that are kept, but of which MuJoCo found nothing."""
+    turns, spots, _ = geoms
+    for place in range(state[0]):
+        if counts[place] > 0 and now[place] < state[1]:
+            one, other = listed[place, 0], listed[place, 1]
+            where, slack = (
+                (turns[one], spots[one], turns[other], spots[other]),
+                min(loose[one], loose[other]),
+            )
+            counts[place] = refresh(points[place], counts[place], where, slack)
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _list_pairs(near, shapes, kept, now) -> None:  # type: ignore[no-untyped-def]
     """Add pairs of geoms to the list whose boxes overlap now, and drop those of which they no longer do.
 
-    Bullet goes through pairs of links from the last to the first, and after each drops what it must.
+    Bullet goes through pairs of links from the last to the first, and after each drops what it must. What
+    comes must overlap as seen from a link as well.
     """
     where_listed, listed, state, counts, _, seen = kept
     _, ones, others, signatures, _, _ = near[6]
+    spots, turns, boxes, _ = near[3]
+    widths, plain, balls, local, links, axes, (corners, when, turned) = shapes
     end = whole(near[0], 1)[0]
     state[1] += 1
+    clock = state[1]
+    for pair in range(end):
+        for geom in (ones[pair], others[pair]):
+            if when[geom] == clock or balls[ones[pair]] or balls[others[pair]]:
+                continue
+            when[geom] = clock
+            for k in range(3):
+                middle, half = spots[geom, k], widths[geom]
+                for axis in range(3):
+                    middle += turns[geom, k, axis] * boxes[geom, 0, axis]
+                    half += abs(turns[geom, k, axis]) * boxes[geom, 1, axis]
+                corners[geom, 0, k], corners[geom, 1, k] = middle - half, middle + half
     while end > 0:
-        begin = end - 1
+        begin, are_left = end - 1, False
         while begin > 0 and signatures[begin - 1] == signatures[begin]:
             begin -= 1
         for pair in range(begin, end):
             one, other = ones[pair], others[pair]
-            if not _overlap(near[3], one, other, shapes):
+            if balls[one] or balls[other]:
                 continue
+            wide = 2 * WIDE if plain[one] and plain[other] else 0.0
+            overlap = True
+            for k in range(3):
+                overlap &= corners[one, 0, k] - wide <= corners[other, 1, k]
+                overlap &= corners[other, 0, k] - wide <= corners[one, 1, k]
             place = where_listed[one, other]
-            if place < 0 and not _comes(near[2], one, other, shapes):
+            if not overlap:
+                are_left |= place >= 0
                 continue
             if place < 0:
+                first, second = one, other
+                if plain[one] or (links[one] > links[other] and not plain[other]):
+                    first, second = other, one
+                if not _comes(near[2][1], first, second, local, links, axes, corners, turned):
+                    continue
                 place = state[0]
                 if place == len(listed):
                     raise MemoryError("more shapes are near each other than there is room for")
                 where_listed[one, other] = where_listed[other, one] = place
-                listed[place, 0], listed[place, 1], counts[place] = one, other, 0
+                listed[place, 0], listed[place, 1], counts[place], now[place] = one, other, 0, 0
                 state[0] += 1
-            seen[place] = state[1]
-        for pair in range(begin, end):
+            seen[place] = clock
+        for pair in range(begin, end if are_left else begin):
             place = where_listed[ones[pair], others[pair]]
-            if place >= 0 and seen[place] < state[1]:
+            if place >= 0 and seen[place] < clock:
                 _drop(place, kept)
         end = begin
     for place in range(state[0] - 1, -1, -1):
-        if seen[place] < state[1]:
+        if seen[place] < clock:
             _drop(place, kept)
 
 
@@ -242,44 +325,37 @@ def _drop(place, kept) -> None:  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _overlap(geoms, one, other, shapes) -> bool:  # type: ignore[no-untyped-def]
-    """Return whether the boxes of two geoms along the axes of the world overlap, as Bullet has them."""
-    spots, turns, boxes, _ = geoms
-    widths, plain, _, _, _, _ = shapes
-    wide = 2 * WIDE if plain[one] and plain[other] else 0.0
-    for k in range(3):
-        apart = spots[one, k] - spots[other, k]
-        reach = wide + widths[one] + widths[other]
-        for axis in range(3):
-            mine, theirs = turns[one, k, axis], turns[other, k, axis]
-            apart += mine * boxes[one, 0, axis] - theirs * boxes[other, 0, axis]
-            reach += abs(mine) * boxes[one, 1, axis] + abs(theirs) * boxes[other, 1, axis]
+def _comes(turns, one, other, boxes, links, axes, corners, turned) -> bool:  # type: ignore[no-untyped-def]
+    """Return whether the boxes of two geoms overlap as seen from the first one's link."""
+    for i, geom in enumerate((one, other)):
+        link = links[geom]
+        for k in range(3):
+            for axis in range(3):
+                turned[i, k, axis] = 0.0
+                for side in range(3):
+                    turned[i, k, axis] += turns[link, 3 * k + side] * axes[link, side, axis]
+    for axis in range(3):
+        apart, reach = 0.0, boxes[one, 1, axis]
+        for k in range(3):
+            far = (
+                corners[other, 0, k]
+                + corners[other, 1, k]
+                - corners[one, 0, k]
+                - corners[one, 1, k]
+            )
+            apart += 0.5 * far * turned[0, k, axis]
+        for side in range(3):
+            slope = 0.0
+            for k in range(3):
+                slope += turned[0, k, axis] * turned[1, k, side]
+            reach += abs(slope) * boxes[other, 1, side]
         if abs(apart) > reach:
             return False
     return True
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _comes(poses, one, other, shapes) -> bool:  # type: ignore[no-untyped-def]
-    """Return whether the boxes of two geoms overlap as seen from one's link, too: else they are not listed yet."""
-    spots, turns, _, _, _ = poses
-    _, plain, boxes, links, axes, centres = shapes
-    if plain[one] and plain[other]:
-        return True
-    if plain[one] or (links[one] > links[other] and not plain[other]):
-        one, other = other, one
-    first, second = links[one], links[other]
-    turn = turns[first].reshape(3, 3) @ axes[first]
-    other_turn = turns[second].reshape(3, 3) @ axes[second]
-    apart = spots[second] - spots[first]
-    apart += turns[second].reshape(3, 3) @ centres[second] + other_turn @ boxes[other, 0]
-    apart -= turns[first].reshape(3, 3) @ centres[first] + turn @ boxes[one, 0]
-    gap = np.abs(turn.T @ apart) - boxes[one, 1] - np.abs(turn.T @ other_turn) @ boxes[other, 1]
-    return bool(np.max(gap) <= 0.0)
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _write_all(places, start, geoms, skins, links, kept, found) -> int:  # type: ignore[no-untyped-def]
+def _write_all(places, start, geoms, skins, kept, found) -> int:  # type: ignore[no-untyped-def]
     """Write points as contacts of MuJoCo's, in Bullet's order, and return how many they are.
 
     Points that are farther apart than shapes move in a physics step count for the order only.
@@ -288,137 +364,43 @@ def _write_all(places, start, geoms, skins, links, kept, found) -> int:  # type:
     surfaces, margins = skins
     counts, points = kept
     room, pairs, number = found
-    order, keys = np.empty(number, np.int64), np.empty(number, np.int64)
+    order, keys = np.empty(number, np.int64), pairs[:number, KEY].copy()
     for i in range(number):
-        one, other = links[pairs[i, 1]], links[pairs[i, 2]]
-        keys[i] = (min(one, other) << 32) + max(one, other)
         at = i
-        while at > 0 and pairs[order[at - 1], 0] > pairs[i, 0]:
+        while at > 0 and pairs[order[at - 1], PLACE] > pairs[i, PLACE]:
             order[at] = order[at - 1]
             at -= 1
         order[at] = i
     if number > 1:
         quicksort(keys, order)
-    written, size = 0, room.shape[1]
+    size, length, written = places[native.CONTACT_SIZE], room.shape[1], 0
+    for i in order:  # where each begins; those that stay where they are need not be copied
+        place, one, other = pairs[i, PLACE], pairs[i, ONE], pairs[i, OTHER]
+        wide = margins[one] + margins[other] - surfaces[one, 3] - surfaces[other, 3]
+        begin = written
+        for point in range(counts[place]):
+            written += points[place, point, GAP] <= wide
+        if pairs[i, IS_NEW] == 0 and begin == pairs[i, FOUND] and written > begin:
+            pairs[i, PLACE] = -1
+        elif written > begin:
+            contact = real(start + pairs[i, FOUND] * size, length)
+            for k in range(length):
+                room[i, k] = contact[k]
+    written = 0
     for i in order:
-        place, one, other = pairs[i, 0], pairs[i, 1], pairs[i, 2]
-        where = turns[one], spots[one], turns[other], spots[other]
-        outs = surfaces[one, 3], surfaces[other, 3]
-        for k in range(counts[place]):
-            if points[place, k, GAP] + outs[0] + outs[1] > margins[one] + margins[other]:
+        place, one, other = pairs[i, PLACE], pairs[i, ONE], pairs[i, OTHER]
+        if place < 0:
+            written += 1
+            continue
+        out, across = surfaces[one, 3], surfaces[other, 3]
+        for point in range(counts[place]):
+            if points[place, point, GAP] > margins[one] + margins[other] - out - across:
                 continue
-            contact = real(start + written * places[native.CONTACT_SIZE], size)
-            contact[:] = room[i]
-            _write(places, contact, points[place, k], where, outs)
+            contact = real(start + written * size, length)
+            for k in range(length):
+                contact[k] = room[i, k]
+            if pairs[i, IS_NEW] == 1:
+                where = turns[one], spots[one], turns[other], spots[other]
+                write_point(places, contact, points[place, point], where, (out, across))
             written += 1
     return written
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _see(places, here, outs, point) -> None:  # type: ignore[no-untyped-def]
-    """Write a contact of MuJoCo's as a point, on the surfaces that Bullet has."""
-    frame, middle = real(here + places[native.FRAME], 9), real(here + places[native.POS], 3)
-    gap = real(here + places[native.DIST], 1)[0]
-    for k in range(3):
-        point[k] = middle[k] - (0.5 * gap - outs[0]) * frame[k]
-        point[3 + k] = middle[k] + (0.5 * gap - outs[1]) * frame[k]
-        point[6 + k] = frame[k]
-    point[GAP] = gap - outs[0] - outs[1]
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _bring(point, where) -> None:  # type: ignore[no-untyped-def]
-    """Bring a point from the world into the frames of its shapes."""
-    turn, spot, other_turn, other_spot = where
-    one, other = point[ON_ONE] - spot, point[ON_OTHER] - other_spot
-    for axis in range(3):
-        point[axis] = turn[axis] * one[0] + turn[3 + axis] * one[1] + turn[6 + axis] * one[2]
-        mine = other_turn[axis] * other[0] + other_turn[3 + axis] * other[1]
-        point[3 + axis] = mine + other_turn[6 + axis] * other[2]
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _add(points, count, point, slack):  # type: ignore[no-untyped-def]
-    """Add a point in the place of the one that it is, or that can best be spared; return how many there are."""
-    least, chosen = slack**2, -1
-    for i in range(count):
-        apart = 0.0
-        for k in range(3):
-            apart += (points[i, k] - point[k]) ** 2
-        if apart < least:
-            least, chosen = apart, i
-    if chosen < 0:
-        chosen = count if count < MOST else _spared(points, point)
-    points[chosen] = point
-    return max(count, chosen + 1)
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _spared(points, point):  # type: ignore[no-untyped-def]
-    """Return which of four points to give up for another, so that all span the most; never the deepest."""
-    deepest, gap = -1, point[GAP]
-    for i in range(MOST):
-        if points[i, GAP] < gap:
-            deepest, gap = i, points[i, GAP]
-    chosen, most = 0, -1.0
-    for i in range(MOST):
-        area = 0.0
-        if i != deepest:
-            beside = 1 if i == 0 else 0
-            low, high = (2, 3) if i < 2 else (1, 3) if i == 2 else (1, 2)
-            one, other = (
-                point[ON_ONE] - points[beside, ON_ONE],
-                points[high, ON_ONE] - points[low, ON_ONE],
-            )
-            area = np.sum(np.cross(one, other) ** 2)
-        if area > most:
-            chosen, most = i, area
-    return chosen
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _refresh(points, count, where, slack):  # type: ignore[no-untyped-def]
-    """Find the gaps of points as shapes are now; drop those that came apart, and return how many are left."""
-    for i in range(count - 1, -1, -1):
-        one, other, gap = _ends(points[i], where)
-        points[i, GAP], aside = gap, 0.0
-        for k in range(3):
-            aside += (other[k] - one[k] - gap * points[i, 6 + k]) ** 2
-        if gap > slack or aside > slack**2:
-            count -= 1
-            points[i] = points[count]
-    return count
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _ends(point, where):  # type: ignore[no-untyped-def]
-    """Return where a point is on either shape, in the world, and the gap there."""
-    turn, spot, other_turn, other_spot = where
-    one, other, gap = np.empty(3), np.empty(3), 0.0
-    for k in range(3):
-        one[k], other[k] = spot[k], other_spot[k]
-        for axis in range(3):
-            one[k] += turn[3 * k + axis] * point[axis]
-            other[k] += other_turn[3 * k + axis] * point[3 + axis]
-        gap += (other[k] - one[k]) * point[6 + k]
-    return one, other, gap
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _write(places, contact, point, where, outs) -> None:  # type: ignore[no-untyped-def]
-    """Write a point as a contact of MuJoCo's; which way its tangents are is left to `place_frictions`."""
-    one, other, gap = _ends(point, where)
-    whole_gap = gap + outs[0] + outs[1]
-    contact[places[native.DIST] // 8] = whole_gap
-    frame, middle = places[native.FRAME] // 8, places[native.POS] // 8
-    for k in range(3):
-        first = one[k] + (0.5 * whole_gap - outs[0]) * point[6 + k]
-        second = other[k] - (0.5 * whole_gap - outs[1]) * point[6 + k]
-        contact[middle + k], contact[frame + k] = 0.5 * (first + second), point[6 + k]
-    x, y, z = point[6], point[7], point[8]
-    a, b, c = (0.0, z, -y) if abs(x) < 0.6 else (-z, 0.0, x)  # normal x an axis that is far from it
-    long = np.sqrt(a * a + b * b + c * c)
-    a, b, c = a / long, b / long, c / long
-    contact[frame + 3], contact[frame + 4], contact[frame + 5] = a, b, c
-    contact[frame + 6], contact[frame + 7] = y * c - z * b, z * a - x * c
-    contact[frame + 8] = x * b - y * a

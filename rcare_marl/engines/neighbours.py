@@ -138,9 +138,10 @@ def keep_list(near) -> None:  # type: ignore[no-untyped-def]
             Of each geom where it is and how it is turned; its box, middle and half edges, in its own frame;
             and its box in the world with half of the skin, least and greatest corner, shape [ngeom, 2, 3].
             Links that have geoms; first and number of those of each link; the box of each link; and who
-            meets, shape [nbody, nbody]. Of each geom the kind of contact, friction, margin and how
-            loose its points may be; and the same of pairs, with geoms and links, as MuJoCo has them. The tree of each link, -1 if it cannot
-            move; of each tree the number of its body; and the number by which it goes with all that is near.
+            meets, shape [nbody, nbody]. Of each geom the kind of contact, friction, margin and how loose its
+            points may be; and the same of pairs, with geoms and links, as MuJoCo has them. The tree of each
+            link, -1 if it cannot move; of each tree the number of its body; and the number by which it goes
+            with all that is near.
     """
     place, is_stale, links, _, (solid, _, _, _, _), _, _, _ = near
     spots, turns, old_spots, old_turns, reach = links
