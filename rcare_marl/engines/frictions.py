@@ -74,15 +74,26 @@ def _turn_rows(rows, speeds, row, cosine, sine) -> None:  # type: ignore[no-unty
 def _shift(rows, speeds, first, frame, outs, trees, ways, velocities) -> None:  # type: ignore[no-untyped-def]
     """Let the friction of a contact act beyond its middle: `outs` on each body [m]; and the second's tree."""
     sizes, starts, columns, jacobian = rows
-    for row in range(first + 1, first + 3):
-        side = frame[3 * (row - first) : 3 * (row - first) + 3]
-        x = frame[1] * side[2] - frame[2] * side[1]
-        y = frame[2] * side[0] - frame[0] * side[2]
-        z = frame[0] * side[1] - frame[1] * side[0]
-        for k in range(starts[row], starts[row] + sizes[row]):
-            dof = columns[k]
-            # (turn x way of the point) . side; of one it is the other way, and counts negatively.
-            out = outs[1] if trees[dof] == outs[2] else outs[0]
-            change = out * (ways[dof, 0] * x + ways[dof, 1] * y + ways[dof, 2] * z)
-            jacobian[k] += change
-            speeds[row] += change * velocities[dof]
+    a, b, c = _cross(frame, 3)
+    x, y, z = _cross(frame, 6)
+    for k in range(sizes[first]):  # the same degrees of freedom in each row
+        dof = columns[starts[first] + k]
+        # (turn x way of the point) . side; of one it is the other way, and counts negatively.
+        out = outs[1] if trees[dof] == outs[2] else outs[0]
+        turn, speed = ways[dof], velocities[dof]
+        change = out * (turn[0] * a + turn[1] * b + turn[2] * c)
+        jacobian[starts[first + 1] + k] += change
+        speeds[first + 1] += change * speed
+        change = out * (turn[0] * x + turn[1] * y + turn[2] * z)
+        jacobian[starts[first + 2] + k] += change
+        speeds[first + 2] += change * speed
+
+
+@numba.njit(cache=True, error_model="numpy", inline="always")
+def _cross(frame, at):  # type: ignore[no-untyped-def]
+    """Return normal x the tangent that begins at a place of the frame of a contact."""
+    return (
+        frame[1] * frame[at + 2] - frame[2] * frame[at + 1],
+        frame[2] * frame[at] - frame[0] * frame[at + 2],
+        frame[0] * frame[at + 1] - frame[1] * frame[at],
+    )

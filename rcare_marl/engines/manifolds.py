@@ -131,7 +131,7 @@ def _plain(model: Any, frames: Frames) -> Any:
     return alone & (np.abs(model.geom_quat[:, 0]) > 1 - 1e-9)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy", inline="always")
 def keep_points(places, geoms, surfaces, links, near, kept) -> None:  # type: ignore[no-untyped-def]
     """Put the contacts that Bullet would have in the place of those that MuJoCo has found.
 
@@ -230,7 +230,7 @@ def _deepest(places, start, first, count):  # type: ignore[no-untyped-def]
     return pair[0], pair[1], end, deepest, gap
 
 
-@numba.njit(cache=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy", inline="always")
 def _refresh_others(geoms, loose, listed, state, counts, points, now) -> None:  # type: ignore[no-untyped-def]
     """Find the gaps of pairs that are kept, but of which MuJoCo found nothing."""
     turns, spots, _ = geoms
@@ -244,7 +244,7 @@ def _refresh_others(geoms, loose, listed, state, counts, points, now) -> None:  
             counts[place] = refresh(points[place], counts[place], where, slack)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy", inline="always")
 def _list_pairs(near, shapes, kept, now) -> None:  # type: ignore[no-untyped-def]
     """Add pairs of geoms to the list whose boxes overlap now, and drop those of which they no longer do.
 

@@ -128,7 +128,7 @@ def _meeting(model: Any) -> npt.NDArray[np.bool_]:
     return meets
 
 
-@numba.njit(cache=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy", inline="always")
 def keep_list(near) -> None:  # type: ignore[no-untyped-def]
     """Make the list anew if it must be; where links are is known.
 
