@@ -249,7 +249,7 @@ def _geared(told, island):  # type: ignore[no-untyped-def]
     return found[:count]
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath={"contract"})
+@numba.njit(cache=True, error_model="numpy")
 def _answers(inertia, rows, island, geared):  # type: ignore[no-untyped-def]
     """Return how joints answer a unit force of each row of an island.
 
@@ -289,7 +289,7 @@ def _answers(inertia, rows, island, geared):  # type: ignore[no-untyped-def]
     return answers, moved
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath={"contract"})
+@numba.njit(cache=True, error_model="numpy")
 def _coupling(rows, island, geared, answers, soft, wished, acceleration):  # type: ignore[no-untyped-def]
     """Return by how much force each row of an island is changed by a unit force of another.
 
@@ -383,7 +383,7 @@ def _steps(island, places, told, contacts):  # type: ignore[no-untyped-def]
     return both, sorts, rubs
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath={"contract"})
+@numba.njit(cache=True, error_model="numpy")
 def _solve(sweeps, dt, island, order, kinds, most, own):  # type: ignore[no-untyped-def]
     """Solve an island's rows in Bullet's order, from nothing, and return their forces.
 
