@@ -20,8 +20,8 @@ it. As in Bullet each is solved by itself, until a sweep changes no row's speed 
 
 The force of a motor is then what really acted in the step, as Bullet tells it.
 
-To hand a function of compiled code its arrays takes 0.3 to 0.7 us, so those that are called once in a step
-are written into their callers (`inline`).
+To hand a function of compiled code many arrays takes some 0.7 us, so several of those that are called once
+in a step are written into their callers (`inline`).
 """
 
 from __future__ import annotations
@@ -338,9 +338,8 @@ def _steps(island, places, told, contacts):  # type: ignore[no-untyped-def]
             the constants above each step is, and its friction, shape [n + 1].
     """
     count, found, (held, frictions) = len(island), 0, contacts
-    both = np.zeros(
-        (2, count + 1, 2), np.uint64
-    )  # compiled code would look whether a signed one is negative
+    # Unsigned: of a signed place compiled code would look whether it is negative.
+    both = np.zeros((2, count + 1, 2), np.uint64)
     sorts, rubs = np.zeros(count + 1, np.int64), np.zeros(count + 1)
     steps = both[1]
     kinds, ids, (motors, ends, equalities, _) = told
