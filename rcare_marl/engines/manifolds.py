@@ -105,7 +105,7 @@ def _boxes(model: Any, widths: Array, frames: Frames) -> Array:
         middle, half = model.geom_aabb[geom].reshape(2, 3)
         turned, (axes, centre) = turn.reshape(3, 3), frames[link]
         found[geom, 0] = axes.T @ (model.geom_pos[geom] + turned @ middle - centre)
-        found[geom, 1] = np.abs(axes.T @ turned) @ half + widths[geom]
+        found[geom, 1] = np.abs(axes.T @ turned) @ (half + widths[geom])
     return found
 
 
@@ -264,10 +264,10 @@ def _list_pairs(near, shapes, kept, now) -> None:  # type: ignore[no-untyped-def
                 continue
             when[geom] = clock
             for k in range(3):
-                middle, half = spots[geom, k], widths[geom]
+                middle, half, wide = spots[geom, k], 0.0, widths[geom]
                 for axis in range(3):
                     middle += turns[geom, k, axis] * boxes[geom, 0, axis]
-                    half += abs(turns[geom, k, axis]) * boxes[geom, 1, axis]
+                    half += abs(turns[geom, k, axis]) * (boxes[geom, 1, axis] + wide)
                 corners[geom, 0, k], corners[geom, 1, k] = middle - half, middle + half
     while end > 0:
         begin, are_left = end - 1, False

@@ -99,8 +99,8 @@ class Simulation:
         option.solver = mujoco.mjtSolver.mjSOL_NEWTON  # which leaves more undone before it solves
         self._sweeps = np.array([scene.iterations])
         option.jacobian = mujoco.mjtJacobian.mjJAC_SPARSE
-        for bit in (bits.mjDSBL_ISLAND, bits.mjDSBL_ACTUATION, bits.mjDSBL_WARMSTART):
-            option.disableflags |= int(bit)
+        for name in ("ISLAND", "ACTUATION", "WARMSTART", "MULTICCD"):  # Bullet finds one point, too
+            option.disableflags |= int(getattr(bits, f"mjDSBL_{name}"))
         model.jnt_solref[:] = (TIGHT * scene.physics_dt, 1.0)
         is_gear = model.eq_type == int(mujoco.mjtEq.mjEQ_JOINT)
         self._shares = np.where(is_gear, GEAR_ERP * ERP, ERP)
