@@ -89,7 +89,7 @@ def test_a_fingertip_at_the_flat_of_a_wheel_touches_as_in_bullet(
     """MuJoCo found two points that were a tenth of a millimetre too far away, and let it go."""
     low = np.sin(tilt) * 0.5 * LENGTH  # of the end of the axis that is nearer
     turn = quaternion_from_rpy(0.5 * np.pi + tilt, 0, 0.3)
-    pose = Pose((0.1, 0.05, FLAT + RADIUS + low - 2e-5), turn)
+    pose = Pose((0.1, 0.05, FLAT + RADIUS + low - 2e-5), tuple(turn))
     bullet, mujoco = (gaps(engine, tmp_path, WHEEL, TIP, pose) for engine in ("bullet", "mujoco"))
     assert len(bullet) == 1
     np.testing.assert_allclose(mujoco, bullet, atol=2e-6)
@@ -104,7 +104,7 @@ def test_a_corner_that_grazes_one_of_two_fingers_is_not_lost(tmp_path: Path, see
     turned = matrix_from_quaternion(turn)
     place = turned @ (-np.sign(turned[0]) * half)  # of the corner that is nearest to the fingers
     spot = np.array((fingers - 5e-5, 0.0, 0.0)) - place
-    pose = Pose(tuple(spot.tolist()), turn)
+    pose = Pose(tuple(spot.tolist()), tuple(turn))
     bullet, mujoco = (gaps(engine, tmp_path, FINGERS, BOX, pose) for engine in ("bullet", "mujoco"))
     assert len(bullet) == 1
     np.testing.assert_allclose(mujoco, bullet, atol=2e-6)
