@@ -76,7 +76,7 @@ def test_a_recipe_tells_what_it_cannot_write_down() -> None:
         ),
         ({"residual": {"recipient": 0.3}}, "residual is for roles that learn"),
         ({"residual": {"robot": 0.0}}, "above 0"),
-        ({"bases": {"robot": "observing"}}, "residual, among bases"),
+        ({"bases": {"robot": "observing"}}, "residual or is taught, among bases"),
         ({"residual": {"robot": float("nan")}}, "above 0"),
         ({"residual": {"robot": [0.0, 0.0]}}, "above 0"),
         ({"residual": {"robot": [0.5, -0.1]}}, "above 0"),

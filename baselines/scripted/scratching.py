@@ -17,22 +17,28 @@ from .offering import Offering
 from .tool_script import Beat, ToolScript, limited, unit
 
 # All our own choices.
-PRESS, TOUCH = 1.5, 0.2  # [N] that it presses with, and that count as contact
+TOUCH = 0.2  # [N] that count as contact
 HOVER = 0.03  # [m] over the skin, while it is not over the itch
 REACHED = 0.012  # [m] along the skin that it may be off to press; as far again it hovers
 LEVEL = 0.3  # [rad] that the tool may be turned otherwise to press
 UNDER = 0.01  # [m] under the skin, where it goes until it feels it
-STROKING = 0.06  # [m/s] of its strokes
 GAIN, TURN_GAIN = 2.5, 2.0  # [1/s]
 YIELD = 0.008  # [m/s] into the skin for each newton that is lacking
-FAST, AWAY, SINK, ALONG = 0.15, 0.25, 0.03, 0.1  # [m/s]: in the air, off, onto the skin, along it
+FAST, AWAY, ALONG = 0.15, 0.25, 0.1  # [m/s]: in the air, off, along the skin
 
 
 @register_policy("scratching", "robot", "scripted")
 class ScriptedScratching(ToolScript[Scratching]):
-    """Comes over where it itches, presses until it feels 1.5 N, and strokes; sees everything but the itch."""
+    """Comes over where it itches, presses until it feels 1.5 N, and strokes; sees everything but the itch.
+
+    Attributes:
+        PRESS: What it presses with [N].
+        SINK: Onto the skin, and off it, while it feels it [m/s].
+        STROKING: Of its strokes [m/s].
+    """
 
     KIND = Scratching
+    PRESS, SINK, STROKING = 1.5, 0.03, 0.06
 
     def _begin(self) -> None:
         self._offering, self._beat = Offering(), Beat()
@@ -52,13 +58,13 @@ class ScriptedScratching(ToolScript[Scratching]):
         goal = over * -UNDER + (1 - over) * HOVER
         rise = GAIN * (goal - height)
         if height < HOVER:
-            rise = max(rise, -SINK)
+            rise = max(rise, -self.SINK)
         if over > 0 and seen.press > TOUCH:
-            rise = float(np.clip(YIELD * (seen.press - PRESS), -SINK, SINK))
+            rise = float(np.clip(YIELD * (seen.press - self.PRESS), -self.SINK, self.SINK))
         along = limited(-GAIN * aside, FAST)
         if over > 0 and height < HOVER / 2:
             first = unit(np.cross(out, (0.0, 1.0, 0.0)))
-            along = limited(way * STROKING * first - GAIN * aside, ALONG)
+            along = limited(way * self.STROKING * first - GAIN * aside, ALONG)
         return self._about(seen.tip, limited(along + rise * out, FAST), turn)
 
     def memory(self) -> tuple[Sequence[object], Array]:
@@ -66,3 +72,13 @@ class ScriptedScratching(ToolScript[Scratching]):
 
     def recall(self, holds: Sequence[bool]) -> None:
         self._beat.flags = (holds[1], holds[2], holds[3])
+
+
+@register_policy("scratching", "robot", "gentle")
+class GentleScratching(ScriptedScratching):
+    """As `scripted`, but lands more slowly and strokes at half the speed: skin that curves pushes back less.
+
+    Who learns from it presses less than `scripted`, in spite of what a robot cannot see.
+    """
+
+    PRESS, SINK, STROKING = 1.3, 0.02, 0.03

@@ -189,7 +189,8 @@ class TrainConfig:
         partners: Policies of the other roles; several are drawn from, episode by episode.
         residual: For learners that correct the scripted policy: how much they may, 0 to 2, of all values of
             the action or of each.
-        bases: For these, the policy that is corrected, by name or file; the scripted one if not given.
+        bases: For these, the policy that is corrected, by name or file; the scripted one if not given. For
+            learners that a script teaches, that script.
         hold: Control steps that an action of the learners lasts; steps are counted in these decisions.
         physics_dt: Physics step [s] of the training.
         engine: What computes the motion, see `rcare_marl.make`.

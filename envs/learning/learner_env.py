@@ -287,7 +287,8 @@ class LearnerEnv:
     def demonstrators(self) -> dict[str, Policy]:
         """Return who shows each learner what to do: robots their script, people their default partner.
 
-        A residual's best start is to change nothing: those roles are shown zeros.
+        Of who is taught, what the recipe's `bases` name. A residual's best start is to change nothing: those
+        roles are shown zeros.
 
         Raises:
             ConfigError: If a role has no default partner.
@@ -300,8 +301,9 @@ class LearnerEnv:
                 shown[role] = StayStill(self._own_size(role))
                 continue
             is_robot = isinstance(env.cast[role], Robot)
-            name = "scripted" if is_robot else self.recipe.partner_names(role)[0]
-            shown[role] = make_policy(env, task, role, unguarded(task, role, name))
+            usual = "scripted" if is_robot else self.recipe.partner_names(role)[0]
+            name = unguarded(task, role, self.recipe.bases.get(role, usual))
+            shown[role] = make_policy(env, task, role, name)
         return shown
 
     def close(self) -> None:

@@ -68,8 +68,8 @@ class EnvRecipe:
         residual: For roles that learn, the scale of their action on top of the scripted policy's: one number,
             or one for each value of the action, 0 for what is left to the script: a learner's action holds
             the others only.
-        bases: For roles that learn a residual, the policy that is corrected, by name or file; `scripted`
-            where nothing is given.
+        bases: For roles that learn a residual, or are taught, the policy that is corrected, or shown, by
+            name or file; `scripted` where nothing is given.
         hold: Control steps that a learner's action lasts: a decision. Rewards and costs of these are
             summed. A script that is corrected acts in each of them.
         physics_dt: Physics step [s]; where nobody is touched coarser ones teach as much in less time.
@@ -148,8 +148,10 @@ class EnvRecipe:
                     f"for each value of the action, got {scale!r}"
                 )
             find_policy(self.task, role, self.bases.get(role, "scripted"))
-        for role in self.bases:
-            check_name("role that learns a residual, among bases", role, self.residual)
+        for role, base in self.bases.items():
+            kind = "role that learns a residual or is taught, among bases"
+            check_name(kind, role, learning if self.taught else self.residual)
+            find_policy(self.task, role, base)
         for role in self.views:
             if role not in learning:
                 raise ConfigError(f"views are for roles that learn, {learning}, got {role!r}")
