@@ -119,6 +119,18 @@ def test_who_corrects_a_script_keeps_nothing_in_mind_for_it_and_is_not_taught() 
         EnvRecipe("bathing", residual={"robot": 0.2}, taught=True)
 
 
+def test_who_is_taught_is_shown_what_the_script_of_its_bases_would_do() -> None:
+    shown = {}
+    for base in ("scripted", "still"):
+        env = LearnerEnv(EnvRecipe("scratching", taught=True, bases={"robot": base}))
+        env.reset(seed=1)
+        size = dict(env.layout.observed["robots"])["scripted_action"]
+        shown[base] = env.observation["robots"][0, -size:].copy()
+        env.close()
+    assert shown["scripted"].any()
+    assert not shown["still"].any()
+
+
 def test_a_policy_file_keeps_in_mind_what_it_wrote(bathing: Any) -> None:
     parts = (("sponge_to_target", 3), ("memory", 1))
     weights = np.zeros((7, 4), np.float32)

@@ -17,8 +17,10 @@ from rcare_marl.envs.tasks.scratching import GAPS, PRESS, RELIEF, SITES, Scratch
 from rcare_marl.errors import ConfigError
 
 
-def made(recipient: str = "jose", partner: str = "still", **arguments: Any) -> CareEnv:
-    policies = {"robot": "scripted", "recipient": partner}
+def made(
+    recipient: str = "jose", partner: str = "still", robot: str = "scripted", **arguments: Any
+) -> CareEnv:
+    policies = {"robot": robot, "recipient": partner}
     return rcare_marl.make("scratching", recipient=recipient, policies=policies, **arguments)
 
 
@@ -30,6 +32,18 @@ def test_the_scripted_robot_relieves_an_itch_gently(site: str) -> None:
     assert task.succeeded() and task.state.scratched >= RELIEF - 1e-9
     assert task.state.peak_force < 10.0
     env.close()
+
+
+def test_the_gentle_script_relieves_an_itch_with_less_force_than_the_scripted_one() -> None:
+    forces = {}
+    for robot in ("scripted", "gentle"):
+        env = made(robot=robot, options={"site": "forearm"})
+        play(env, 0)
+        task = cast(Scratching, env.task)
+        assert task.succeeded(), robot
+        forces[robot] = task.state.peak_force
+        env.close()
+    assert 0 < forces["gentle"] < 0.8 * forces["scripted"]
 
 
 @pytest.mark.slow

@@ -18,12 +18,14 @@ from .offering import Offering
 from .tool_script import ToolScript, limited, turning
 
 # All our own choices.
+PRESS = 4.0  # [N], within PhyRC's 1 to 6 N of comfort, and gentle to who then says no
+ENOUGH = 2.4  # [N] with which it wipes at full speed, less with less
 HOVER, CLEAR = 0.03, 0.024  # [m] over the skin, before it presses, and from where it goes back
 NEAR = 0.02  # [m] from a place, and
 LEVEL = 0.3  # [rad], that counts as there: some hands cannot lay it flat
 GAIN, TURN_GAIN = 2.5, 2.5  # [1/s]
 YIELD = 0.006  # [m/s] into the skin for each newton that is lacking
-FAST, WIPE = 0.20, 0.06  # [m/s] through the air, along the skin
+FAST, SINK, WIPE = 0.20, 0.04, 0.06  # [m/s] through the air, onto the skin, along it
 BEYOND = 0.01  # [m] past the target, before another pass is made
 TOUCH = 0.5  # [N] that count as contact
 # [m] from the trunk, from where it wipes farther outside, and by how much at most [rad].
@@ -33,16 +35,9 @@ LOW = 0.01  # [m] over the skin, where it goes on with what it began
 
 @register_policy("bathing", "robot", "scripted")
 class ScriptedBathing(ToolScript[Bathing]):
-    """Comes over the shoulder, presses until it feels 4 N, wipes to the target, and lifts.
-
-    Attributes:
-        PRESS: What it presses with [N], within PhyRC's 1 to 6 N of comfort, and gentle to who then says no.
-        ENOUGH: With what it wipes at full speed, and slower with less [N].
-        SINK: Onto the skin, and off it while it feels it [m/s].
-    """
+    """Comes over the shoulder, presses until it feels 4 N, wipes to the target, and lifts."""
 
     KIND = Bathing
-    PRESS, ENOUGH, SINK = 4.0, 2.4, 0.04
 
     def _begin(self) -> None:
         self._offering = Offering()
@@ -71,10 +66,10 @@ class ScriptedBathing(ToolScript[Bathing]):
             linear = limited(GAIN * (HOVER - height) * out, FAST)
         elif ahead > -BEYOND and (is_over or height < LOW):
             aside = float((top - face) @ np.cross(out, way))
-            into = YIELD * (self.PRESS - force) if force > TOUCH else self.SINK
-            along = WIPE * min(max((force - TOUCH) / (self.ENOUGH - TOUCH), 0.0), 1.0)
+            into = YIELD * (PRESS - force) if force > TOUCH else SINK
+            along = WIPE * min(max((force - TOUCH) / (ENOUGH - TOUCH), 0.0), 1.0)
             linear = along * way + GAIN * aside * np.cross(out, way)
-            linear = linear - float(np.clip(into, -self.SINK, self.SINK)) * out
+            linear = linear - float(np.clip(into, -SINK, SINK)) * out
         else:
             linear = limited(GAIN * (to_start + HOVER * out), FAST)
         return self._about(face, linear, TURN_GAIN * turn)  # so that turning does not wipe
@@ -85,13 +80,3 @@ class ScriptedBathing(ToolScript[Bathing]):
 
     def memory(self) -> tuple[Sequence[object], Array]:
         return (self._offering.is_on,), np.zeros(0)
-
-
-@register_policy("bathing", "robot", "gentle")
-class GentleBathing(ScriptedBathing):
-    """As `scripted`, but lands more slowly and presses with 2.6 N; it takes a sixth longer.
-
-    Who learns from it presses less than `scripted`, in spite of what a robot cannot see.
-    """
-
-    PRESS, ENOUGH, SINK = 2.6, 1.6, 0.03
