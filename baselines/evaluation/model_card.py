@@ -135,7 +135,7 @@ def beginning(residual: float | Sequence[float] | None, training: Mapping[str, A
         scales = residual if isinstance(residual, Sequence) else (residual,)
         return f"residual of scale {' '.join(f'{scale:g}' for scale in scales)}"
     if training.get("algorithm") == "dagger":
-        return "by imitating the script on its own episodes"
+        return "by imitating a script on its own episodes"
     return "from demonstrations" if training.get("demonstrations") else "from scratch"
 
 
