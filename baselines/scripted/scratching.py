@@ -78,7 +78,7 @@ class ScriptedScratching(ToolScript[Scratching]):
 class GentleScratching(ScriptedScratching):
     """As `scripted`, but lands more slowly and strokes at half the speed: skin that curves pushes back less.
 
-    Who learns from it presses less than `scripted`, in spite of what a robot cannot see.
+    `learned` imitates it, see docs/scratching.md; the values are our own choice.
     """
 
     PRESS, SINK, STROKING = 1.3, 0.02, 0.03
