@@ -77,6 +77,7 @@ class LinkBoxes:
         self.owners = np.array(owners, np.int64)
         self._boxes = np.zeros((len(owners), 6))
         self._seen = self._placed = -1
+        self._base: object = None  # where it was as the boxes of what stays were found
 
     def read(self, steps: int, teleports: int) -> Array:
         """Return lower and upper corner of each box [m], shape [boxes, 6]; do not write into it.
@@ -89,7 +90,9 @@ class LinkBoxes:
         is_elsewhere = teleports != self._placed
         if self._moving and (is_elsewhere or steps != self._seen):
             self._boxes[: len(self._moving)] = [self._box(link) for link in self._moving]
-        if is_elsewhere and self._shapes:
+        # Most that is put elsewhere is another body: what no joint carries stays on the base.
+        base = self._body.centre_pose() if is_elsewhere and self._shapes else self._base
+        if base != self._base:
             rows: list[Sequence[float]] = []
             for link, shapes in self._shapes.items():
                 if _are_round(shapes):
@@ -98,6 +101,7 @@ class LinkBoxes:
                 else:
                     rows.append(self._box(link))
             self._boxes[len(self._moving) :] = rows
+            self._base = base
         self._seen, self._placed = steps, teleports
         return self._boxes
 

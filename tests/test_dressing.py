@@ -133,7 +133,10 @@ def test_the_caregiver_lifts_the_leg_and_the_robot_pulls_the_shorts_over_the_kne
     assert metrics["peak_cloth_load_n"] > 3 and metrics["peak_force_right_leg_n"] > 1
 
 
-@pytest.mark.parametrize(("number", "by"), [(310, "the footplate"), (350, "the seat")])
+@pytest.mark.parametrize(
+    ("number", "by"),
+    [(310, "the footplate"), pytest.param(350, "the seat", marks=pytest.mark.slow)],
+)
 def test_who_cannot_bend_the_hip_far_is_not_jammed_between_it_and(number: int, by: str) -> None:
     env = rcare_marl.make("dressing", recipient=f"population:train:{number}")
     env.reset(seed=0)

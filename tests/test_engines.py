@@ -65,7 +65,9 @@ def test_people_act_by_muscles_too() -> None:
         assert all(np.isfinite(value).all() for value in seen.values())
 
 
-@pytest.mark.parametrize("task", ["feeding", "limb_repositioning"])
+@pytest.mark.parametrize(
+    "task", [pytest.param("feeding", marks=pytest.mark.slow), "limb_repositioning"]
+)
 def test_reset_one_second_of_the_same_actions_and_presses_are_bullets(task: str) -> None:
     found = parity.bench(task, seed=20, postures=20)
     assert found["met"], found

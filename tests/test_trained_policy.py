@@ -16,11 +16,13 @@ from rcare_marl.baselines.policy_file import PolicyFile
 
 FILES = sorted(trained.FOLDER.glob("*.npz"))
 SLOW = {  # test_policy_file.py plays these quickly, too
+    "bathing",
     "dressing",
     "dressing_everybody",
     "ambulating_everybody",
     "ambulating_level1",
     "ambulating_level2",
+    "ambulating_level3",
     "bathing_everybody",
     "drinking_everybody",
     "scratching_everybody",

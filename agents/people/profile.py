@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import cache, cached_property, lru_cache
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -62,7 +62,7 @@ class ClinicalNorms:
     female_strength: float
     motions: dict[str, Motion]
 
-    @property
+    @cached_property
     def groups(self) -> tuple[str, ...]:
         """All muscle groups, sorted."""
         return tuple(sorted({motion.group for motion in self.motions.values()}))
@@ -72,6 +72,18 @@ class ClinicalNorms:
 def clinical_norms() -> ClinicalNorms:
     """Return the healthy norms."""
     return load(ClinicalNorms, assets.find("clinical", "motions"))
+
+
+@cache
+def motions_of(side: str) -> tuple[str, ...]:
+    """Return the motions of `left`, `right` or `axial`, sorted."""
+    return tuple(sorted({m for d in DOFS if d.side == side for m in (d.positive, d.negative)}))
+
+
+@cache
+def muscle_groups_of(side: str) -> frozenset[str]:
+    """Return the muscle groups of `left`, `right` or `axial`."""
+    return frozenset(clinical_norms().motions[motion].group for motion in motions_of(side))
 
 
 @dataclass(frozen=True)
@@ -200,11 +212,9 @@ class ClinicalProfile:
         if self.injury_level is not None and self.injury_level not in SPINAL_LEVELS:
             raise UnknownNameError("spinal level", self.injury_level, SPINAL_LEVELS)
         for side in ("axial", "left", "right"):
-            motions = {m for d in DOFS if d.side == side for m in (d.positive, d.negative)}
-            groups = {clinical_norms().motions[m].group for m in motions}
             profile = self.side(side)
             for key in ("prom_deg", "arom_deg", "mmt", "spasticity", "tremor", "dyskinesia"):
-                known = motions if key.endswith("_deg") else groups
+                known = motions_of(side) if key.endswith("_deg") else muscle_groups_of(side)
                 for name in getattr(profile, key):
                     check_name(f"entry of {key} that belongs to {side}", name, known)
 

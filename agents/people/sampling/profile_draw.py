@@ -8,8 +8,16 @@ from typing import Any
 
 import numpy as np
 
-from ..body.skeleton import DOFS
-from ..profile import ASHWORTH, SPINAL_LEVELS, ClinicalProfile, SideProfile, Vitals, clinical_norms
+from ..profile import (
+    ASHWORTH,
+    SPINAL_LEVELS,
+    ClinicalProfile,
+    SideProfile,
+    Vitals,
+    clinical_norms,
+    motions_of,
+    muscle_groups_of,
+)
 from .condition import REGIONS, Condition, Pair, Pattern, Severity, groups_of
 
 SCATTER = 0.18  # of a group about the person's own severity, as a share of the band; our own choice
@@ -40,8 +48,8 @@ class Draw:
 
     def at(self, pair: Pair, *, eased: float = 0.0, scatter: float = SCATTER) -> float:
         """Return a value between the two ends of a band, `eased` of it towards the mild one."""
-        share = np.clip(self.place * (1 - eased) + scatter * self.rng.normal(), 0.0, 1.0)
-        return float(pair[0] + (pair[1] - pair[0]) * share)
+        share = self.place * (1 - eased) + scatter * self.rng.normal()
+        return float(pair[0] + (pair[1] - pair[0]) * min(max(share, 0.0), 1.0))
 
     def one(self, shares: Mapping[Any, float]) -> Any:
         """Return a key by its probability."""
@@ -210,10 +218,10 @@ def _needs_machine(
 def _side(drawn: SideDraw, side: str) -> SideProfile:
     """Return a side's profile: ranges from stiffness and grades."""
     norms = clinical_norms().motions
-    groups = {norms[m].group for d in DOFS if d.side == side for m in (d.positive, d.negative)}
+    groups = muscle_groups_of(side)
     passive: dict[str, float] = {}
     active: dict[str, float] = {}
-    for motion in sorted({m for d in DOFS if d.side == side for m in (d.positive, d.negative)}):
+    for motion in motions_of(side):
         norm = norms[motion].range_deg
         lost = drawn.stiffness.get(motion.split("_", 1)[0], 0.0)
         angle = norm

@@ -25,7 +25,7 @@ from ..actuation.muscular import Excitation
 from ..avatar import AvatarConfig, load_avatar
 from ..body.anthropometry import Sex
 from ..body.skeleton import DOFS
-from ..profile import ClinicalProfile, SideProfile, clinical_norms
+from ..profile import ClinicalProfile, SideProfile, muscle_groups_of
 from ..strength import RangeTest, Resistance, mmt_tests
 from .check import Check
 from .single_joint import SingleJoint
@@ -92,9 +92,8 @@ class Case(NamedTuple):
 
 def graded_side(avatar: AvatarConfig, grade: float) -> AvatarConfig:
     """Return an avatar's body with a right side of one grade in all groups, and healthy ranges."""
-    motions = {m for d in DOFS if d.side == SIDE for m in (d.positive, d.negative)}
-    groups = {clinical_norms().motions[m].group for m in motions}
-    profile = ClinicalProfile(right=SideProfile(mmt=dict.fromkeys(groups, grade)))
+    grades = dict.fromkeys(sorted(muscle_groups_of(SIDE)), grade)
+    profile = ClinicalProfile(right=SideProfile(mmt=grades))
     return dataclasses.replace(avatar, profile=profile)
 
 
