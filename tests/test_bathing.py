@@ -65,6 +65,15 @@ def test_the_scripted_robot_bathes_natalia_gently(scripted: CareEnv, seed: int) 
     assert metrics["prom_violation_deg_s"] == 0.0
 
 
+def test_the_gentle_script_bathes_with_less_force_than_the_scripted_one(scripted: CareEnv) -> None:
+    task = run(scripted, 0)
+    assert task.succeeded()
+    env = rcare_marl.make("bathing", policies={**BOTH, "robot": "gentle"})
+    other = run(env, 0)
+    env.close()
+    assert other.succeeded() and 0 < other.state.peak_force < 0.8 * task.state.peak_force
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("avatar", assets.names("avatars"))
 def test_every_avatar_can_be_bathed(avatar: str) -> None:

@@ -18,26 +18,33 @@ from .offering import Offering
 from .tool_script import ToolScript, limited, turning
 
 # All our own choices.
-PRESS = 4.0  # [N], within PhyRC's 1 to 6 N of comfort, and gentle to who then says no
-ENOUGH = 2.4  # [N] with which it wipes at full speed, less with less
 HOVER, CLEAR = 0.03, 0.024  # [m] over the skin, before it presses, and from where it goes back
 NEAR = 0.02  # [m] from a place, and
 LEVEL = 0.3  # [rad], that counts as there: some hands cannot lay it flat
 GAIN, TURN_GAIN = 2.5, 2.5  # [1/s]
 YIELD = 0.006  # [m/s] into the skin for each newton that is lacking
-FAST, SINK, WIPE = 0.20, 0.04, 0.06  # [m/s] through the air, onto the skin, along it
+FAST, WIPE = 0.20, 0.06  # [m/s] through the air, along the skin
 BEYOND = 0.01  # [m] past the target, before another pass is made
 TOUCH = 0.5  # [N] that count as contact
 # [m] from the trunk, from where it wipes farther outside, and by how much at most [rad].
 BESIDE, MOST_ROUND = 0.01, 0.5
+# [N] that push the sponge aside, from where and up to where it gives way, and by how much [m/s] each.
+FREE, SQUEEZED, GIVE = 1.5, 2.0, 0.015
 LOW = 0.01  # [m] over the skin, where it goes on with what it began
 
 
 @register_policy("bathing", "robot", "scripted")
 class ScriptedBathing(ToolScript[Bathing]):
-    """Comes over the shoulder, presses until it feels 4 N, wipes to the target, and lifts."""
+    """Comes over the shoulder, presses until it feels 4 N, wipes to the target, and lifts.
+
+    Attributes:
+        PRESS: What it presses with [N], within PhyRC's 1 to 6 N of comfort, and gentle to who then says no.
+        ENOUGH: With what it wipes at full speed, and slower with less [N].
+        SINK: Onto the skin, and off it while it feels it [m/s].
+    """
 
     KIND = Bathing
+    PRESS, ENOUGH, SINK = 4.0, 2.4, 0.04
 
     def _begin(self) -> None:
         self._offering = Offering()
@@ -65,11 +72,12 @@ class ScriptedBathing(ToolScript[Bathing]):
         elif ahead < -BEYOND and height < CLEAR:
             linear = limited(GAIN * (HOVER - height) * out, FAST)
         elif ahead > -BEYOND and (is_over or height < LOW):
-            aside = float((top - face) @ np.cross(out, way))
-            into = YIELD * (PRESS - force) if force > TOUCH else SINK
-            along = WIPE * min(max((force - TOUCH) / (ENOUGH - TOUCH), 0.0), 1.0)
-            linear = along * way + GAIN * aside * np.cross(out, way)
-            linear = linear - float(np.clip(into, -SINK, SINK)) * out
+            side = np.cross(out, way)
+            across = self._across(GAIN * float((top - face) @ side), float(-seen.push @ side))
+            into = YIELD * (self.PRESS - force) if force > TOUCH else self.SINK
+            along = WIPE * min(max((force - TOUCH) / (self.ENOUGH - TOUCH), 0.0), 1.0)
+            linear = along * way + across * side
+            linear = linear - float(np.clip(into, -self.SINK, self.SINK)) * out
         else:
             linear = limited(GAIN * (to_start + HOVER * out), FAST)
         return self._about(face, linear, TURN_GAIN * turn)  # so that turning does not wipe
@@ -78,5 +86,22 @@ class ScriptedBathing(ToolScript[Bathing]):
         """Return how much farther round the arm it wipes [rad], where the trunk is near."""
         return MOST_ROUND * min(max(1.0 - self._task.state.trunk_gap / BESIDE, 0.0), 1.0)
 
+    def _across(self, speed: float, push: float) -> float:
+        """Return how fast it goes across its way [m/s], from what it wishes and what the sponge feels [N]."""
+        return speed
+
     def memory(self) -> tuple[Sequence[object], Array]:
         return (self._offering.is_on,), np.zeros(0)
+
+
+@register_policy("bathing", "robot", "gentle")
+class GentleBathing(ScriptedBathing):
+    """As `scripted`, but lands more slowly, presses with 2.6 N, and gives way to a trunk beside the arm."""
+
+    PRESS, ENOUGH, SINK = 2.6, 1.6, 0.03
+
+    def _across(self, speed: float, push: float) -> float:
+        beyond = float(np.clip(abs(push) - FREE, 0.0, SQUEEZED)) * (1.0 if push > 0 else -1.0)
+        if speed * beyond < 0:
+            speed *= 1.0 - abs(beyond) / SQUEEZED
+        return speed + GIVE * beyond
