@@ -148,6 +148,7 @@ def test_who_cannot_bend_the_hip_far_is_not_jammed_between_it_and(number: int, b
     env.close()
 
 
+@pytest.mark.slow
 def test_shorts_do_not_hang_round_the_other_leg_of_who_has_thick_ones() -> None:
     env = rcare_marl.make("dressing", recipient="population:train:329")
     env.reset(seed=0)

@@ -221,6 +221,7 @@ def test_scripts_succeed_in_a_house(task: str, place: int) -> None:
     assert all(succeeded for succeeded, _ in found)
 
 
+@pytest.mark.slow
 def test_bench_batch_tells_both_speeds_and_the_ratio() -> None:
     told = CliRunner().invoke(
         app, ["bench", "batch", "feeding", "--device", "cpu", "--steps", "10", "--json"]

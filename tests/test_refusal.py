@@ -40,7 +40,7 @@ def test_who_refuses_from_the_start_is_offered_three_times_and_then_left_alone(t
     env.close()
 
 
-@pytest.mark.parametrize("task", TASKS)
+@pytest.mark.parametrize("task", few(TASKS, "feeding", "bathing"))
 def test_a_no_in_the_middle_ends_the_touch_gently(task: str) -> None:
     env = refusing(task)
     for seed in range(1 if task == "drinking" else 2):

@@ -110,6 +110,7 @@ def test_solids_are_on_the_side_that_keeps_them_clear_of_the_busy_floor() -> Non
         assert (lowest < high).all() and (highest > low).all()
 
 
+@pytest.mark.slow
 def test_a_crowded_place_pushes_nothing_aside_and_is_nearer_to_things(env: CareEnv) -> None:
     options = {"crowded": True}
     crowded = rcare_marl.make(

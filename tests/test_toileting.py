@@ -230,7 +230,7 @@ def test_the_lid_of_a_house_is_lifted_in_its_bathroom(home: str, level: int) -> 
 
 @pytest.mark.parametrize(
     ("level", "every"),
-    [(1, 9), (3, 9), *(pytest.param(n, 3, marks=pytest.mark.slow) for n in LEVELS)],
+    [(1, 9), *(pytest.param(n, 3, marks=pytest.mark.slow) for n in LEVELS)],
 )
 def test_every_house_has_a_toilet_at_which_there_is_room(level: int, every: int) -> None:
     for name in home_names()[level - 1 :: every]:
