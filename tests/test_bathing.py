@@ -75,6 +75,16 @@ def test_the_gentle_script_bathes_with_less_force_than_the_scripted_one(scripted
 
 
 @pytest.mark.slow
+def test_the_gentle_script_gives_way_to_a_belly_beside_the_elbow() -> None:
+    """With 4.0 N at most on the trunk; 5.0 N before it gave way."""
+    policies = {**BOTH, "robot": "gentle"}
+    env = rcare_marl.make("bathing", recipient="population:train:637", policies=policies)
+    report = run(env, 90637).report()
+    env.close()
+    assert report["coverage"] > 0.4 and 0.5 < report["peak_force_trunk_n"] < 4.0
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("avatar", assets.names("avatars"))
 def test_every_avatar_can_be_bathed(avatar: str) -> None:
     env = rcare_marl.make("bathing", recipient=avatar, policies=BOTH)

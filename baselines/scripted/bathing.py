@@ -28,7 +28,7 @@ BEYOND = 0.01  # [m] past the target, before another pass is made
 TOUCH = 0.5  # [N] that count as contact
 # [m] from the trunk, from where it wipes farther outside, and by how much at most [rad].
 BESIDE, MOST_ROUND = 0.01, 0.5
-# [N] that push the sponge aside, from where and up to where it gives way, and by how much [m/s] each.
+# [N] aside from which the sponge gives way, for how many more the faster; [m/s] for each.
 FREE, SQUEEZED, GIVE = 1.5, 2.0, 0.015
 LOW = 0.01  # [m] over the skin, where it goes on with what it began
 
