@@ -16,6 +16,7 @@ from rcare_marl.errors import RcareError
 
 from .coach import coach
 from .export import export
+from .interruption import postponed
 from .parameter import (
     BenchAvatar,
     BenchDevice,
@@ -467,5 +468,7 @@ def _terminate(*_: object) -> None:
 
 def main() -> None:
     """Run the command line."""
-    signal.signal(signal.SIGTERM, _terminate)
+    signal.signal(signal.SIGTERM, postponed(_terminate))
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # ignored in the background
+        signal.signal(signal.SIGINT, postponed(signal.default_int_handler))
     app()

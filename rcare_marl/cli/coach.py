@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import os
 import tempfile
 from collections.abc import Sequence
@@ -14,6 +13,7 @@ import typer
 from rcare_marl.console import print_line
 from rcare_marl.errors import ConfigError, MissingPackageError
 
+from .interruption import run_until_interrupted
 from .parameter import Opens
 from .serving import LOOPBACK as LOOPBACK
 from .serving import PORT, serve_page
@@ -90,10 +90,7 @@ def serve(
         host=host,
         is_secure=certificate is not None,
     )
-    try:
-        asyncio.run(_serve(service, port, certificate, key, opens=open_))
-    except KeyboardInterrupt:  # the way to end it, so no failure
-        print_line("stopped")
+    run_until_interrupted(_serve(service, port, certificate, key, opens=open_))
 
 
 @coach.command("evaluate")

@@ -12,6 +12,7 @@ import typer
 from rcare_marl.console import print_line
 from rcare_marl.errors import ConfigError, check_package
 
+from .interruption import run_until_interrupted
 from .parameter import (
     CaregiverModel,
     HomeLevel,
@@ -135,7 +136,4 @@ def serve_scene(
             each.cancel()
         await asyncio.gather(serving, ended, return_exceptions=True)
 
-    try:
-        asyncio.run(serve())
-    except KeyboardInterrupt:  # the way to end it, so no failure
-        print_line("stopped")
+    run_until_interrupted(serve())
