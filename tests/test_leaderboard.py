@@ -7,7 +7,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import yaml
 
+from rcare_marl.agents.people.sampling.population import people_named
 from rcare_marl.baselines.evaluation.leaderboard import (
     FOLDER,
     Protocol,
@@ -22,7 +24,9 @@ from rcare_marl.errors import ConfigError, UnknownNameError
 
 Data = dict[str, Any]
 Entry = Callable[..., Path]
-PAGE = Path(__file__).resolve().parents[1] / "docs" / "leaderboard.md"
+ROOT = Path(__file__).resolve().parents[1]
+PAGE = ROOT / "docs" / "leaderboard.md"
+CONFIGS = ROOT / "baselines" / "configs"
 SMALL = Protocol(
     1,
     {
@@ -153,3 +157,20 @@ def test_a_protocol_that_is_none_is_refused_by_name() -> None:
 def test_its_digest_changes_with_any_row() -> None:
     rows = {**SMALL.rows, "met": Row(21001, 1, cast={"recipient": "population:train:0-1"})}
     assert Protocol(1, rows, "met", "small").digest() != SMALL.digest()
+
+
+def test_who_chooses_between_seeds_is_neither_trained_with_nor_judged_with() -> None:
+    choosing, judging = Protocol.find("choosing"), Protocol.find("everybody")
+    chosen, judged = (
+        {one for row in rows.values() for who in row.people for one in people_named(who)}
+        for rows in (choosing.rows, judging.rows)
+    )
+    trained = set[str]()
+    for file in (CONFIGS / "everybody").glob("*.yaml"):
+        for who in yaml.safe_load(file.read_text())["cast"].values():
+            trained.update(people_named(who))
+    assert len(trained) >= 300 and len(chosen) > 100
+    assert chosen & (trained | judged) == set(people_named("six"))
+    assert not {row.seed for row in choosing.rows.values()} & {
+        row.seed for row in judging.rows.values()
+    }
