@@ -52,6 +52,16 @@ def test_a_robot_that_does_nothing_presses_nobody_at_the_start(
     assert first_force(task, robot, person, seeds=3) <= PRESSED
 
 
+def test_an_elbow_that_lies_otherwise_does_not_begin_against_a_robot_beside_the_bed() -> None:
+    both = {"robot": "still", "recipient": "still"}
+    env = rcare_marl.make("bathing", robot="pepper", recipient="natalia", policies=both)
+    for seed in (90953, 93101, 93134):  # 19 to 42 N before
+        env.reset(seed=seed)
+        env.step({})
+        assert env.task.report()["peak_force_n"] == 0
+    env.close()
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("robot", assets.names("robots"))
 @pytest.mark.parametrize("task", TASKS)

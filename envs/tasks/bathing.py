@@ -45,6 +45,8 @@ ENDS = (START_SHARE, TARGET_SHARE[1])  # of the way to the elbow, that must be r
 START_SPREAD = 0.04  # [m] along and across, uniform each way; own choice
 # How the arm lies, uniform each way. What holds a weak arm takes half of it back; own choice.
 ARM_TURN, ELBOW_BEND = math.radians(8), math.radians(12)
+# Shares of that, tried until a robot is so far from who lies there [m], as arms sink in a little; own choice.
+TRIED, ROOM = (1.0, 0.5, 0.0), 0.02
 LEVEL, STRAIGHTER = 0.25, 0.02  # [rad] that a sponge may lie askew; worth another hold; own choice
 MISS = 0.02  # [m] by which the ends may be missed; own choice
 BED_RAISE = 0.27  # [m] of the platform over its lowest: a height to work at; own choice
@@ -204,10 +206,13 @@ class Bathing(Task):
         self._target_at = rng.uniform(*TARGET_SHARE), rng.uniform(-TARGET_ANGLE, TARGET_ANGLE)
         dofs = {f"{SIDE}_shoulder_abduction": turn, f"{SIDE}_elbow_flexion": bend}
         moving = self.recipient.movable
-        here = {d: self.recipient.angle(d) + a for d, a in dofs.items() if d in moving}
-        self.recipient.set_angles(here)
-        self.skin.follow()
-        self._set_sponge(self._over(START_SHARE, gap, spread.tolist()))
+        rest = {d: self.recipient.angle(d) for d in dofs if d in moving}
+        for share in TRIED:
+            self.recipient.set_angles({d: angle + share * dofs[d] for d, angle in rest.items()})
+            self.skin.follow()
+            self._set_sponge(self._over(START_SHARE, gap, spread.tolist()))
+            if self.world.separation(self.robot.body, self.recipient.body, within=ROOM) >= ROOM:
+                break
         self.skin.reset()
 
     def read(self, now: State, before: BathingState | None) -> BathingState:
