@@ -45,7 +45,7 @@ ENDS = (START_SHARE, TARGET_SHARE[1])  # of the way to the elbow, that must be r
 START_SPREAD = 0.04  # [m] along and across, uniform each way; own choice
 # How the arm lies, uniform each way. What holds a weak arm takes half of it back; own choice.
 ARM_TURN, ELBOW_BEND = math.radians(8), math.radians(12)
-# Shares of that, tried until a robot is so far from who lies there [m], as arms sink in a little; own choice.
+# Shares of that, tried until a robot is so far from the arm [m], which then moves to its rest; own choice.
 TRIED, ROOM = (1.0, 0.5, 0.0), 0.02
 LEVEL, STRAIGHTER = 0.25, 0.02  # [rad] that a sponge may lie askew; worth another hold; own choice
 MISS = 0.02  # [m] by which the ends may be missed; own choice
