@@ -52,6 +52,17 @@ def test_a_robot_that_does_nothing_presses_nobody_at_the_start(
     assert first_force(task, robot, person, seeds=3) <= PRESSED
 
 
+@pytest.mark.parametrize("recipient", ["natalia", "karan"])
+def test_a_robot_that_drives_does_not_begin_bathing_within_the_bed(recipient: str) -> None:
+    env = rcare_marl.make("bathing", robot="pepper", recipient=recipient)
+    bed = next(b for b in env.unwrapped.world.bodies if b.name == "hospital_bed")
+    for seed in (21503, 93101, 93102):  # up to 10 cm within it before, and thrown out by it later
+        env.reset(seed=seed)
+        robot = env.unwrapped.cast["robot"].body
+        assert env.unwrapped.world.separation(robot, bed, within=0.1) > 0
+    env.close()
+
+
 def test_an_elbow_that_lies_otherwise_does_not_begin_against_a_robot_beside_the_bed() -> None:
     both = {"robot": "still", "recipient": "still"}
     env = rcare_marl.make("bathing", robot="pepper", recipient="natalia", policies=both)

@@ -45,8 +45,10 @@ ENDS = (START_SHARE, TARGET_SHARE[1])  # of the way to the elbow, that must be r
 START_SPREAD = 0.04  # [m] along and across, uniform each way; own choice
 # How the arm lies, uniform each way. What holds a weak arm takes half of it back; own choice.
 ARM_TURN, ELBOW_BEND = math.radians(8), math.radians(12)
-# Shares of that, tried until a robot is so far from the arm [m], which then moves to its rest; own choice.
-TRIED, ROOM = (1.0, 0.5, 0.0), 0.02
+# Shares of that and of the spread, tried until a robot is so far from the arm [m], which then moves to its
+# rest, and from the bed [m]; own choice.
+TRIED, ROOM = (1.0, 0.8, 0.6, 0.4, 0.2, 0.0), 0.02
+BESIDE = 0.005
 LEVEL, STRAIGHTER = 0.25, 0.02  # [rad] that a sponge may lie askew; worth another hold; own choice
 MISS = 0.02  # [m] by which the ends may be missed; own choice
 BED_RAISE = 0.27  # [m] of the platform over its lowest: a height to work at; own choice
@@ -176,6 +178,7 @@ class Bathing(Task):
             trials.append(Trial(way, hold=hold))
         search = self.search(
             world,
+            clear_of=[(self._bed.body, BESIDE)],
             needed=len(ENDS),
             all_the_way=True,
             within=lambda found: found.is_within(MISS, LEVEL),
@@ -210,10 +213,18 @@ class Bathing(Task):
         for share in TRIED:
             self.recipient.set_angles({d: angle + share * dofs[d] for d, angle in rest.items()})
             self.skin.follow()
-            self._set_sponge(self._over(START_SHARE, gap, spread.tolist()))
-            if self.world.separation(self.robot.body, self.recipient.body, within=ROOM) >= ROOM:
+            away = share * gap + (1 - share) * START_GAP[1]
+            self._set_sponge(self._over(START_SHARE, away, (share * spread).tolist()))
+            if self._has_room():
                 break
         self.skin.reset()
+
+    def _has_room(self) -> bool:
+        """Return whether the robot is clear of the person and, its base too, of the bed."""
+        kept = ((self.recipient.body, ROOM), (self._bed.body, BESIDE))
+        return all(
+            self.world.separation(self.robot.body, body, within=gap) >= gap for body, gap in kept
+        )
 
     def read(self, now: State, before: BathingState | None) -> BathingState:
         self.skin.follow()
