@@ -45,7 +45,7 @@ BOUNDS = {
     "press_mean": 0.15,
     "press_peak": 0.25,
 }
-EPISODES = 5
+RESETS = 5  # with which the engines are compared step by step
 POSTURES = 20
 # Seed. On 0 to 5, 100 to 119, 200 to 219 and 300 to 319 it was chosen how contacts are solved.
 FIRST_PRESS = 400
@@ -99,7 +99,7 @@ def bench(
             stack.enter_context(closing(make(task, engine=name, level=level))) for name in ENGINES
         )
         values = {"link_pose_m": 0.0, "arm_rad": 0.0, "person_rad": 0.0}
-        for number in range(seed, seed + EPISODES):
+        for number in range(seed, seed + RESETS):
             for env in pair:
                 env.reset(seed=number)
             values["link_pose_m"] = max(values["link_pose_m"], _poses_apart(bullet, mujoco))
@@ -109,7 +109,7 @@ def bench(
                     env.reset(seed=number)
             apart = _drift(bullet, mujoco, np.random.default_rng(number))
             values |= {key: max(values[key], value) for key, value in apart.items()}
-    result: dict[str, Any] = {"task": task, "level": level, "seed": seed, "episodes": EPISODES}
+    result: dict[str, Any] = {"task": task, "level": level, "seed": seed, "resets": RESETS}
     if task == "feeding":
         seeds = range(FIRST_PRESS, FIRST_PRESS + postures)
         pressed = [presses(name, seeds) for name in ENGINES]
@@ -127,7 +127,7 @@ def bench(
     }
     if episodes:
         told, figures = engine_episodes.compare(task, episodes, seed, side_by_side, policy, level)
-        result |= {"policies": told, "processes": side_by_side}
+        result |= {"episodes": episodes, "policies": told, "processes": side_by_side}
         result["figures"] |= figures
     return result | {"met": all(figure["met"] for figure in result["figures"].values())}
 
