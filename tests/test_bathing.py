@@ -93,7 +93,7 @@ def test_every_avatar_can_be_bathed(avatar: str) -> None:
 
 
 @pytest.mark.slow
-# A UR5's script is refused: 19 of 24 in docs/tasks.md.
+# A UR5's script is refused: 21 of 24 in docs/tasks.md.
 @pytest.mark.parametrize("robot", sorted(set(assets.names("robots")) - {"nao", "pepper", "ur5"}))
 def test_every_robot_that_reaches_can_bathe(robot: str) -> None:
     env = rcare_marl.make("bathing", robot=robot, policies={**BOTH, "robot": "scripted_anyway"})
