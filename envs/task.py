@@ -142,6 +142,7 @@ class Task(abc.ABC):
         tools: What robots hold, beside which they should be slow near a person; filled in `build`.
         feasible: Whether it can be done for the cast, and why not; tasks say so in `build`.
         bystanders: Roles of people whom nobody cares for, so that their safety is not measured.
+        hands_touch: Whether a robot's hand may touch a person; else it is kept clear, as its arm is.
         paper_terms: Names of those terms of its reward that the RCareWorld paper's table has, if it is there.
     """
 
@@ -160,6 +161,7 @@ class Task(abc.ABC):
     chair: Wheelchair | None = None
     feasible: Feasibility = FEASIBLE
     bystanders: Sequence[str] = ("caregiver",)
+    hands_touch: bool = True
     paper_terms: Collection[str] = ()
     control_dt: float = 0.1
     time_limit: float = 20.0  # 200 control steps, as in Assistive Gym
@@ -171,7 +173,7 @@ class Task(abc.ABC):
         self.place = BareFloor()
         self.tools: list[Body] = []
         self._meters: dict[str, SafetyMeter] = {}
-        self._arms: list[tuple[Robot, set[int]]] = []  # with the links of their hands
+        self._arms: list[tuple[Robot, set[int]]] = []  # with their links that may touch
 
     @classmethod
     def roles(cls) -> dict[str, Role[Any]]:
@@ -353,7 +355,7 @@ class Task(abc.ABC):
         for agent in self.cast.values():
             if isinstance(agent, Robot):
                 hands = {link for arm in agent.arms.values() for link in arm.hand}
-                self._arms.append((agent, hands))
+                self._arms.append((agent, hands if self.hands_touch else set()))
         for role, person in self.cast.items():
             if not isinstance(person, Human) or role in self.bystanders:
                 continue
@@ -392,7 +394,8 @@ class Task(abc.ABC):
     def look(self) -> None:
         """Read the state once, after the physics of a control step or of a reset.
 
-        Robots are told where their arms are near people, to be kept clear of them; a hand may touch them.
+        Robots are told where their arms are near people, to be kept clear of them; hands too, unless
+        they may touch.
         """
         before = self.state
         safety = {

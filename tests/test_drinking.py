@@ -89,6 +89,16 @@ def test_other_robots_that_reach_can_do_it(robot: str) -> None:
     env.close()
 
 
+def test_the_hand_that_holds_the_cup_is_kept_clear_of_the_person() -> None:
+    both = {"robot": "learned", "recipient": "cooperative"}
+    with pytest.warns(UserWarning, match="franka_panda"):
+        env = rcare_marl.make("drinking", robot="franka_panda", policies=both)
+    assert (
+        run(env, 90964).report()["peak_force_n"] < 5.0
+    )  # 31 N of the wrist on an upper arm before
+    env.close()
+
+
 @pytest.mark.slow
 def test_the_robot_can_be_mounted_on_the_left() -> None:
     env = rcare_marl.make("drinking", options={"mount": "left"}, policies=BOTH)

@@ -96,6 +96,7 @@ class Drinking(Meal):
 
     reachable_by = ("franka_panda", "kinova_gen2", "kinova_gen3", "pr2", "stretch_re1_dex")
     least_success = 90
+    hands_touch = False  # the cup does
     Options = DrinkingOptions
     options: DrinkingOptions
     state: DrinkingState
