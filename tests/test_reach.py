@@ -25,7 +25,7 @@ def gap(env: CareEnv) -> float:
     ("task", "robot", "recipient"),
     [
         pytest.param("bathing", "pr2", "morgan", marks=pytest.mark.slow),
-        ("bathing", "pepper", "jose"),
+        ("bathing", "pepper", "natalia"),
         pytest.param("bathing", "pepper", "daniel", marks=pytest.mark.slow),
         pytest.param("dressing", "fetch", "daniel", marks=pytest.mark.slow),
     ],

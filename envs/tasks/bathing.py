@@ -45,10 +45,8 @@ ENDS = (START_SHARE, TARGET_SHARE[1])  # of the way to the elbow, that must be r
 START_SPREAD = 0.04  # [m] along and across, uniform each way; own choice
 # How the arm lies, uniform each way. What holds a weak arm takes half of it back; own choice.
 ARM_TURN, ELBOW_BEND = math.radians(8), math.radians(12)
-# Shares of that and of the spread, tried until a robot is so far from the arm [m], which then moves to its
-# rest, and from the bed [m]; own choice.
-TRIED, ROOM = (1.0, 0.8, 0.6, 0.4, 0.2, 0.0), 0.02
-BESIDE = 0.005
+# Shares of that and of the spread, tried until a robot is so far from arm and bed [m]; own choice.
+TRIED, ROOM, BESIDE = (1.0, 0.8, 0.6, 0.4, 0.2, 0.0), 0.02, 0.005
 LEVEL, STRAIGHTER = 0.25, 0.02  # [rad] that a sponge may lie askew; worth another hold; own choice
 MISS = 0.02  # [m] by which the ends may be missed; own choice
 BED_RAISE = 0.27  # [m] of the platform over its lowest: a height to work at; own choice
@@ -221,10 +219,9 @@ class Bathing(Task):
 
     def _has_room(self) -> bool:
         """Return whether the robot is clear of the person and, its base too, of the bed."""
+        robot, apart = self.robot.body, self.world.separation
         kept = ((self.recipient.body, ROOM), (self._bed.body, BESIDE))
-        return all(
-            self.world.separation(self.robot.body, body, within=gap) >= gap for body, gap in kept
-        )
+        return all(apart(robot, body, within=gap) >= gap for body, gap in kept)
 
     def read(self, now: State, before: BathingState | None) -> BathingState:
         self.skin.follow()
