@@ -93,9 +93,7 @@ def test_the_hand_that_holds_the_cup_is_kept_clear_of_the_person() -> None:
     both = {"robot": "learned", "recipient": "cooperative"}
     with pytest.warns(UserWarning, match="franka_panda"):
         env = rcare_marl.make("drinking", robot="franka_panda", policies=both)
-    assert (
-        run(env, 90964).report()["peak_force_n"] < 5.0
-    )  # 31 N of the wrist on an upper arm before
+    assert run(env, 90964).report()["peak_force_n"] < 5.0  # 31 N of the wrist on an arm before
     env.close()
 
 

@@ -18,8 +18,9 @@ from .offering import Offering
 from .tool_script import Beat, ToolScript, limited, unit
 
 # All our own choices.
-TOUCH = 0.1  # [N] that count as contact
+PRESS, TOUCH = 1.3, 0.1  # [N] that it presses with, and that count as contact
 REACHED, LEVEL = 0.018, 0.2  # [m], [rad] from where it waits, before it goes in
+ENOUGH = 0.6  # [N] with which it strokes at full speed, less with less
 STROKE, STROKING = 0.007, 0.04  # [m] each way at most, [m/s] of its strokes
 GAIN, TURN_GAIN, BACK = 3.0, 2.5, 1.5  # [1/s], the last of a stroke to its middle
 YIELD = 0.014  # [m/s] into the teeth for each newton that is lacking
@@ -45,15 +46,9 @@ SINK, ALONG = 0.02, 0.08  # [m/s] onto the teeth, along them
 
 @register_policy("tooth_brushing", "robot", "scripted")
 class ScriptedToothBrushing(ToolScript[ToothBrushing]):
-    """Brushes quadrant after quadrant with 1.3 N; sees everything.
-
-    Attributes:
-        PRESS: What it presses with [N].
-        ENOUGH: With what it strokes at full speed, and slower with less [N].
-    """
+    """Brushes quadrant after quadrant with 1.3 N; sees everything."""
 
     KIND = ToothBrushing
-    PRESS, ENOUGH = 1.3, 0.6
 
     def _begin(self) -> None:
         self._offering, self._beat = Offering(), Beat()
@@ -146,21 +141,14 @@ class ScriptedToothBrushing(ToolScript[ToothBrushing]):
         at = float(off @ along)
         aside = off - at * along
         press = float(seen.cleaning[self._quadrant])
-        to_and_fro = self._way * STROKING * min(press / self.ENOUGH, 1.0)  # once it presses
+        to_and_fro = self._way * STROKING * min(press / ENOUGH, 1.0)  # once it presses
         linear = (to_and_fro - BACK * at) * along
         linear = linear - GAIN * (aside - (aside @ outward) * outward)
         is_beyond = float(off @ outward) < -DEEP
         level = float(np.linalg.norm(aside - (aside @ outward) * outward))
-        inward = YIELD * (self.PRESS - press) if press > TOUCH else SINK
+        inward = YIELD * (PRESS - press) if press > TOUCH else SINK
         if press <= TOUCH and level > EDGE:  # or it comes to lie under the edge of the teeth
             inward = GAIN * (float(off @ outward) - CLEAR)
         if seen.press > MOST or (press <= TOUCH and is_beyond):  # something else is in the way
             inward = -SINK
         return limited(linear, ALONG) - float(np.clip(inward, -SINK, SINK)) * outward
-
-
-@register_policy("tooth_brushing", "robot", "gentle")
-class GentleToothBrushing(ScriptedToothBrushing):
-    """As `scripted`, but presses with 1.0 N; the values are our own choice."""
-
-    PRESS, ENOUGH = 1.0, 0.5
