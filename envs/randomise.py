@@ -63,6 +63,7 @@ KINDS: Mapping[str, Kind] = {
     "observation_bias": _SD,
     "joint_noise": Kind(OWN, 0.0, 10.0, 0.0, by_unit=True),
     "drop_out": Kind(("share",), 0.0, 0.95, 0.0),
+    "led_astray": Kind(("share",), 0.0, 1.0, 0.0),
     SPARED: Kind(("share",), 0.0, 1.0, 0.0),
 }
 

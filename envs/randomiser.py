@@ -21,6 +21,8 @@ from .randomise import Randomisation, label, stream
 
 BODIES = ("robot_mass", "person_mass", "object_mass", "friction")
 SEEN = ("observation_noise", "observation_bias", "joint_noise", "drop_out")
+# [s] for which chance leads a hand astray, and with how much of its greatest speeds; our own choices.
+LED_FOR, LED_MOST = 0.6, 0.3
 UNMOVED = ("joint_velocity", "joint_torque")  # modes whose motors know no position
 Floats = npt.NDArray[np.float32]
 
@@ -89,6 +91,8 @@ class Randomiser:
         self._seen: dict[str, BlurredObservation] = {}
         self._waiting: dict[str, list[Array]] = {}
         self._obeyed: dict[str, Array] = {}
+        self._chances: dict[str, np.random.Generator] = {}
+        self._led: dict[str, tuple[int, Array]] = {}  # how many steps are left, and where
 
     def bind(self, world: World, cast: Mapping[str, Agent]) -> None:
         """Take hold of a scene whose world is marked, in place of any scene before.
@@ -134,7 +138,8 @@ class Randomiser:
             if role in self._seen:
                 self._seen[role].begin(role, seed, self.drawn)
         self._waiting = {role: [] for role in self._robots}
-        self._obeyed = {}
+        self._obeyed, self._led = {}, {}
+        self._chances = {role: stream(seed, f"{role}/led_astray") for role in self._robots}
 
     def _value(self, name: str, usual: float = 0.0) -> float:
         return next((value for (known, _), value in self.drawn.items() if known == name), usual)
@@ -150,11 +155,33 @@ class Randomiser:
             dynamics.scale(body, mass=self._value(name, 1.0), friction=friction)
 
     def passed_on(self, commands: Mapping[str, Array], control_dt: float) -> Mapping[str, Array]:
-        """Return what agents are told of their actions now: later, and slower, where that is perturbed.
+        """Return what agents are told of their actions now, which may be late, slow, or led astray.
 
         A robot that nothing has reached yet is told nothing, and holds its start. A lag begins with the
         first action that comes.
         """
+        told = self._held_back(commands, control_dt)
+        share = self._value("led_astray")
+        if share == 0.0:
+            return told
+        steps = max(round(LED_FOR / control_dt), 1)
+        return {
+            role: self._led_astray(role, action, share, steps) if role in self._robots else action
+            for role, action in told.items()
+        }
+
+    def _led_astray(self, role: str, action: Array, share: float, steps: int) -> Array:
+        """Return a robot's action, or chance's in its place for some steps; grippers do as they are told."""
+        left, way = self._led.get(role, (0, action))
+        if left == 0 and self._chances[role].random() < share:
+            left, way = steps, self._chances[role].uniform(-LED_MOST, LED_MOST, action.shape)
+        self._led[role] = max(left - 1, 0), way
+        if left == 0:
+            return action
+        is_gripper = [name.endswith("[1]") for name in self._robots[role].action_names]
+        return np.where(is_gripper, action, way).astype(action.dtype)
+
+    def _held_back(self, commands: Mapping[str, Array], control_dt: float) -> Mapping[str, Array]:
         delay, lag = int(self._value("action_delay")), self._value("motor_lag")
         if not self._robots or (delay == 0 and lag == 0.0):
             return commands

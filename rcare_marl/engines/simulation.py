@@ -124,7 +124,7 @@ class Simulation:
         self._joint_of = model.jnt_qposadr[model.dof_jntid].astype(np.int64)  # of free bases unused
         self.touched = np.zeros(len(bodies), np.bool_)
         self.motor_forces = np.zeros(model.nv)
-        self.manifolds = Manifolds(model, self.surfaces[:, 3], self._frames())
+        self.manifolds = Manifolds(model, self.surfaces[:, 3].copy(), self._frames())
         links = [places.links for places in self.places]
         self.neighbours = Neighbours(model, data, links, self.manifolds.loose)
         self.compiled = self._compiled()
