@@ -27,6 +27,11 @@ UNMOVED = ("joint_velocity", "joint_torque")  # modes whose motors know no posit
 Floats = npt.NDArray[np.float32]
 
 
+def _is_speed(name: str) -> bool:
+    """Return whether a value of an action, such as `tool x [m/s]`, is one."""
+    return name.endswith("/s]")
+
+
 class BlurredObservation(Observation):
     """What a robot observes with noise, bias and drop-outs; the same however often it is read.
 
@@ -110,6 +115,13 @@ class Randomiser:
                         f"motor_gain does nothing to {role!r} under {mode!r}, whose motors know no "
                         "position: use motor_strength or motor_lag"
                     )
+        if "led_astray" in self._names:
+            for role, robot in self._robots.items():
+                if not any(_is_speed(name) for name in robot.action_names):
+                    raise ConfigError(
+                        f"led_astray does nothing to {role!r} under {robot.describe()['control']!r}, which "
+                        "is told no speeds: use tool_delta, impedance, admittance or joint_velocity"
+                    )
         if self._names & set(BODIES):
             self._dynamics = Dynamics(world, [robot.body for robot in self._robots.values()])
 
@@ -171,15 +183,15 @@ class Randomiser:
         }
 
     def _led_astray(self, role: str, action: Array, share: float, steps: int) -> Array:
-        """Return a robot's action, or chance's in its place for some steps; grippers do as they are told."""
+        """Return a robot's action, or for some steps chance's speeds in it; grippers do as they are told."""
         left, way = self._led.get(role, (0, action))
         if left == 0 and self._chances[role].random() < share:
             left, way = steps, self._chances[role].uniform(-LED_MOST, LED_MOST, action.shape)
         self._led[role] = max(left - 1, 0), way
         if left == 0:
             return action
-        is_gripper = [name.endswith("[1]") for name in self._robots[role].action_names]
-        return np.where(is_gripper, action, way).astype(action.dtype)
+        are_speeds = [_is_speed(name) for name in self._robots[role].action_names]
+        return np.where(are_speeds, way, action).astype(action.dtype)
 
     def _held_back(self, commands: Mapping[str, Array], control_dt: float) -> Mapping[str, Array]:
         delay, lag = int(self._value("action_delay")), self._value("motor_lag")

@@ -267,24 +267,27 @@ def test_actions_come_later_and_lag() -> None:
 
 def test_a_hand_is_led_astray_for_a_while_and_obeys_again() -> None:
     with closing(learned_by({"led_astray": {"share": 0.05}})) as env, closing(learned_by()) as own:
-        still, begin, moved = {"robot": np.zeros(6, np.float32)}, {}, []
+        still, moved = {"robot": np.zeros(6, np.float32)}, []
         for each in (env, own):
             each.reset(seed=5)
-            begin[each] = before = each.cast["robot"].tool_pose().position
+        before, begin = tool(env), tool(own)
         for _ in range(60):
             env.step(still)
             own.step(still)
-            place = env.cast["robot"].tool_pose().position
-            moved.append(float(np.linalg.norm(np.subtract(place, before))) > 0.002)
-            before = place
+            moved.append(float(np.linalg.norm(tool(env) - before)) > 0.002)
+            before = tool(env)
             np.testing.assert_array_equal(env.commands["robot"], still["robot"])
         assert 6 <= sum(moved) <= 40 and not all(moved[:6])
-        assert np.allclose(own.cast["robot"].tool_pose().position, begin[own], atol=2e-3)
+        assert np.allclose(tool(own), begin, atol=2e-3)
         assert drawn(env, 4)["randomise_led_astray"] == 0.05
     with closing(rcare_marl.make("ambulating", randomise={"led_astray": {"share": 1.0}})) as door:
         door.reset(seed=1)
         told = door.randomiser.passed_on({"robot": np.full(7, 0.5, np.float32)}, 0.1)["robot"]
         assert told[6] == 0.5 and np.abs(told[:6]).max() <= 0.3 and len(set(told.tolist())) == 7
+    for control in ("joint_position", "tool_pose"):
+        robot = {"model": "kinova_gen3", "control": control}
+        with pytest.raises(ConfigError, match=f"under '{control}', which is told no speeds"):
+            rcare_marl.make("feeding", robot=robot, randomise={"led_astray": {"share": 0.1}})
 
 
 def test_what_a_robot_sees_is_noisy_biased_and_held() -> None:
