@@ -70,7 +70,7 @@ def compare(
         told[policy] = dict(zip(ENGINES, (_summary(each) for each in pair), strict=True))
         (low, high), (below, above) = (told[policy][e]["success_interval_95"] for e in ENGINES)
         forces = [[e.metrics[FORCE] for e in each] for each in pair]
-        apart = float(ks_2samp(*forces, method="asymp").statistic)
+        apart = float(ks_2samp(*forces, method="exact").statistic)
         rest = {
             f"success_{policy}": (max(low - above, below - high, 0.0), 0.0),
             f"force_{policy}": (apart, critical(*map(len, forces))),
