@@ -18,7 +18,7 @@ from rcare_marl.agents.people.avatar import AvatarConfig, load_avatar, load_post
 from rcare_marl.agents.people.behaviour.behaviour_tree import Reach
 from rcare_marl.agents.people.body.ik import grip_point
 from rcare_marl.agents.people.body.person_tree import person_tree
-from rcare_marl.agents.people.body.skeleton import JOINT_INDEX
+from rcare_marl.agents.people.body.skeleton import DOF_INDEX, DOFS, JOINT_INDEX
 from rcare_marl.agents.people.human import Human
 from rcare_marl.agents.people.profile import ClinicalProfile, SideProfile
 from rcare_marl.errors import ActionError, ConfigError, UnknownNameError
@@ -449,3 +449,16 @@ def test_people_hold_the_start_posture_until_they_are_told_otherwise() -> None:
         world.step()
     person.sense()
     assert np.abs(np.array(person.positions) - before).max() < 0.1
+
+
+def test_a_relaxed_arm_hangs_straight_down_and_is_turned_in_a_little() -> None:
+    motions = ("shoulder_abduction", "shoulder_flexion", "shoulder_external_rotation")
+    arm = [f"left_{motion}" for motion in (*motions, "elbow_flexion")]
+    world, person = spawned("caregiver", movable=arm, excitation="group")
+    end = go_on(world, person, np.zeros(len(person.action_names)), 6.0)[-1]
+    zero = np.array([DOFS[DOF_INDEX[name]].clinical_zero for name in arm])
+    abduction, flexion, rotation, elbow = np.degrees(end + zero)
+    assert 0.0 < abduction < 15.0
+    assert abs(flexion) < 8.0
+    assert -25.0 < rotation < 0.0
+    assert 10.0 < elbow < 35.0

@@ -16,7 +16,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rcare_marl.agents.people.actuation.muscular import MuscleDrive
 from rcare_marl.agents.people.body.skeleton import JOINT_INDEX
 from rcare_marl.envs.devices import HOOK_SHARE_HANGING
 from rcare_marl.envs.registry import register_policy
@@ -79,11 +78,6 @@ EASY, SOFT = 0.5, 0.0015  # of the force limit, from which the plate is lower, a
 CLOSE, SLOWER = 0.02, 0.5
 YIELDING = (0.4, 0.9)  # of the force limit: where it gets slower, and where it goes back
 AWAY = 0.2  # [m] that the plate is drawn out
-# Of the weight of forearm and hand: with how little it presses where muscles hold the arm. They draw it in
-# too: the tip is higher then, by LEANT [rad], lest it slips off.
-LIGHT, LEANT = (0.5, 0.8), 0.21
-# [m] inward of its place, of an arm that slips off the tip as it is let go; it is taken along outwards then.
-SLIPPED = 0.012
 SPIN = 0.8  # [rad/s] of the plate at the arm
 # [m] outside of the arm, where the plate passes it, if it is so much higher or lower
 ASIDE, ROUND = 0.15, 0.1
@@ -111,10 +105,6 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
     def _begin(self) -> None:
         self.phase, self._wrist = "approach", np.zeros(3)
         self._has_swung = self._lets_go = False
-        person = self._task.recipient
-        self._is_held = isinstance(person.drive, MuscleDrive)  # their tone holds and draws it
-        segments = person.segments
-        self._weight = 9.81 * sum(segments[f"left_{name}"].mass for name in ("elbow", "wrist"))
 
     def act(self) -> Array:
         if not self._task.feasible.holds:  # nobody lifts what may not be borne
@@ -155,8 +145,7 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
             self._has_swung = self._lets_go = False
         if self._lets_go:
             tip = rotate(seat.quaternion, (0.0, 0.0, 1.0))[2]
-            slips = self._is_held and is_low and state.gap[1] > SLIPPED
-            return "leave" if tip < -LEVEL or slips else "drop"
+            return "leave" if tip < -LEVEL else "drop"
         if not holds:
             return "approach"
         free = FREE - RELENTING * max(state.time - EARLY, 0.0)
@@ -261,16 +250,7 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         hovering = min(float(place[2]), self._floor() + HOVER)
         place[2] -= SOFT * max(state.force - EASY * task.force_limit, 0.0)
         place[2] = max(float(place[2]), hovering)
-        return place, self._leant(turn)
-
-    def _leant(self, turn: Array) -> Array:
-        """Return the turn of the plate, with its tip higher under an arm that muscles hold and draw in."""
-        if not self._is_held:
-            return turn
-        low, high = LIGHT
-        part = (high - self._task.state.force / self._weight) / (high - low)
-        lean = LEANT * min(max(part, 0.0), 1.0)
-        return np.array(multiply(turn, quaternion_from_rpy(0.0, lean, 0.0)))
+        return place, turn
 
     def _over_lap(self) -> float:
         """Return how low the plate goes over belly and thighs [m]."""
