@@ -290,6 +290,18 @@ def test_variants_take_turns_and_must_have_equal_spaces() -> None:
         BatchedEnv(odd, count=2)
 
 
+def test_who_is_taught_may_meet_people_by_angles_and_by_muscles() -> None:
+    muscles = {"recipient": {"model": "karan", "actuation": "muscle"}}
+    recipe = EnvRecipe("feeding", variants=({}, muscles))
+    with pytest.raises(ConfigError, match="state_size of variant 1"):
+        BatchedEnv(recipe, count=2)
+    env = BatchedEnv(dataclasses.replace(recipe, taught=True), count=2)
+    state = env.reset()["state"]
+    env.close()
+    assert torch.isfinite(state).all()
+    assert not torch.equal(state[0], state[1])
+
+
 @pytest.mark.parametrize(
     ("numbers", "said"),
     [

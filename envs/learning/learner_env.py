@@ -151,9 +151,12 @@ class LearnerEnv:
                 parts.append((BASE, env.cast[role].action_size + kept))
             observed[group] = tuple(parts)
         self._spans = [(role, max(at.stop for at, *_ in env.describe(role))) for role in env.cast]
+        # Who imitates needs no critic, and so no state of people who may be driven otherwise in a variant.
+        self._stated = set(env.possible_agents if self.recipe.taught else env.cast)
         state_size = sum(
             len(self._views[role].now) if role in self._views else size
             for role, size in self._spans
+            if role in self._stated
         )
         return Layout(
             groups,
@@ -268,14 +271,16 @@ class LearnerEnv:
         self.success = bool(next(iter(infos.values()))["success"])
 
     def _whole_state(self) -> Floats:
-        """Return what all roles observe, through their views as they see it now, shape [state size]."""
+        """Return what all roles observe, through their views as they see it now, shape [state size].
+
+        Of who is taught, what the learners observe.
+        """
         state = self.care_env.state()
-        if not self._views:
-            return state
         parts, start = [], 0
         for role, size in self._spans:
             view = self._views.get(role)
-            parts.append(state[start : start + size] if view is None else view.now)
+            if role in self._stated:
+                parts.append(state[start : start + size] if view is None else view.now)
             start += size
         return np.concatenate(parts)
 
