@@ -230,13 +230,20 @@ class Follow(Pursue):
         return (super().is_near(wish) and self._has_gone(wish)) or self._is_done()
 
     def _has_gone(self, wish: Mapping[str, float]) -> bool:
-        """Return whether half of the way has been gone of every wish [rad] that was some way off."""
+        """Return whether half of the way has been gone of every wish [rad] that was some way off.
+
+        The joints of the spine, which share their muscles, go theirs together.
+        """
         here, index = self._actor.person.positions, self._index
-        ways = {dof: angle - self._from[index[dof]] for dof, angle in wish.items()}
+        ways, gone = dict[str, float](), dict[str, float]()
+        for dof, angle in wish.items():
+            joint, _, motion = dof.partition("_")
+            key = motion if joint.startswith("spine") else dof
+            start = self._from[index[dof]]
+            ways[key] = ways.get(key, 0.0) + angle - start
+            gone[key] = gone.get(key, 0.0) + here[index[dof]] - start
         return all(
-            (here[index[dof]] - self._from[index[dof]]) / way >= LEAST_SHARE
-            for dof, way in ways.items()
-            if abs(way) > LEAST_WAY
+            gone[key] / way >= LEAST_SHARE for key, way in ways.items() if abs(way) > LEAST_WAY
         )
 
     def update(self) -> Status:
