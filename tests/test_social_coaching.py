@@ -328,7 +328,13 @@ def test_hanging_hands_are_clear_of_wheels_and_cushion(size: tuple[str, float | 
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["jose", "karan"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param("jose", marks=pytest.mark.xfail(strict=True, reason="see docs/coaching.md")),
+        "karan",
+    ],
+)
 def test_muscles_do_an_exercise_as_well(name: str) -> None:
     exercise = {"jose": "head_rotation", "karan": "chest_expansion"}[name]
     env = make(
@@ -341,7 +347,7 @@ def test_muscles_do_an_exercise_as_well(name: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "exercises"), [("daniel", 4), ("karan", 5)])
+@pytest.mark.parametrize(("name", "exercises"), [("daniel", 5), ("karan", 5)])
 def test_muscles_do_as_much_of_the_programme_as_the_docs_say(name: str, exercises: int) -> None:
     env = make(recipient={"model": name, "actuation": "muscle"})
     play(env, 0)
