@@ -298,7 +298,7 @@ class Dressing(Task):
 
     def is_failure(self, state: DressingState) -> Values:
         """Return whether the waistband was let go before the hem was at its target: nobody takes it up."""
-        return np.logical_not(state.is_held | state.is_past)
+        return where(state.is_held | state.is_past, False, True)
 
     def camera(self) -> Camera:
         return Camera(eye=(1.15, -1.6 * self.outward, 1.4), target=(0.55, -0.1, 0.68), fov_deg=54)
