@@ -328,13 +328,7 @@ def test_hanging_hands_are_clear_of_wheels_and_cushion(size: tuple[str, float | 
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "name",
-    [
-        pytest.param("jose", marks=pytest.mark.xfail(strict=True, reason="see docs/coaching.md")),
-        "karan",
-    ],
-)
+@pytest.mark.parametrize("name", ["jose", "karan"])
 def test_muscles_do_an_exercise_as_well(name: str) -> None:
     exercise = {"jose": "head_rotation", "karan": "chest_expansion"}[name]
     env = make(

@@ -51,6 +51,9 @@ LIGAMENT_SHARE = 0.3  # ... or this share of a narrower range
 # [N·m/rad] of bending, without muscles. A lumbar segment has some 1 to 2 N·m per degree, from memory;
 # one joint here stands for several in a row, stiffened by the weight on them.
 DISC_STIFFNESS = {"spine1": 60.0, "spine2": 60.0, "spine3": 60.0, "neck": 6.0, "head": 6.0}
+# [N·m/rad]: atlas on axis turns 56.7° from side to side (Panjabi et al. 2001) by 1 N·m to either (from
+# memory), and the joints below it together about as much (from memory).
+TURNING_STIFFNESS = {"neck_rotation_left": 2.0, "head_rotation_left": 2.0}
 FRICTION_SHARE = 0.1  # of normal torque: less than this does not move a limb that rests
 # Of the model's resting activation: a relaxed muscle is silent (the model's is a habit of solvers).
 RELAXED = 0.1
@@ -369,7 +372,8 @@ def _set_ligaments(
     table[:, dynamics.LEAST], table[:, dynamics.MOST] = passive.T
     width = np.maximum(passive[:, 1] - passive[:, 0], 1e-3)
     table[:, dynamics.ZONE] = np.minimum(LIGAMENT_ZONE, LIGAMENT_SHARE * width)
-    table[:, dynamics.ELASTIC] = [DISC_STIFFNESS.get(n.split("_")[0], 0.0) for n in model.dofs]
+    discs = {n: DISC_STIFFNESS.get(n.split("_")[0], 0.0) for n in model.dofs} | TURNING_STIFFNESS
+    table[:, dynamics.ELASTIC] = [discs[n] for n in model.dofs]
     # What rests on furniture does not drift by the tension of resting muscles.
     table[:, dynamics.SLACK] = model.isometric_torques(posture, model.table[:, kernel.LEAST])
     pulls = np.abs(model.moment_arms(posture)).T @ model.table[:, kernel.FORCE]
