@@ -25,7 +25,7 @@ _USE = """
 import json, rcare_marl
 from rcare_marl import assets
 from rcare_marl.agents.people.avatar import load_avatar, load_posture
-from rcare_marl.agents.robots.robot import load_robot
+from rcare_marl.agents.robots.robot_config import load_robot
 for name in assets.names("avatars"):
     assert load_avatar(name).body_path().is_file(), name
 for name in assets.names("postures"):

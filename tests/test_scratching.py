@@ -104,5 +104,5 @@ def test_a_cheek_that_is_turned_away_is_offered_to_until_the_third_no() -> None:
 
 @pytest.mark.slow
 def test_a_robot_that_reaches_no_itch_is_refused_by_name() -> None:
-    with pytest.raises(ConfigError, match="fetch"):
-        made(robot="fetch", options={"site": "forearm"})
+    with pytest.raises(ConfigError, match="fetch has no arm that reaches the forearm"):
+        rcare_marl.make("scratching", robot="fetch", options={"site": "forearm"})
