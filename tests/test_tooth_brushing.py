@@ -55,7 +55,15 @@ def test_the_far_side_is_reached_of_who_looks_aside_and_up(who: int) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("who", [53, 54, 55])  # heavy, heavy, bent: legs and trunk were in the way
+# Heavy, heavy, bent: legs and trunk were in the way.
+@pytest.mark.parametrize(
+    "who",
+    [
+        pytest.param(53, marks=pytest.mark.xfail(strict=True, reason="docs/tooth_brushing.md")),
+        54,
+        55,
+    ],
+)
 def test_who_is_heavy_or_bent_has_all_teeth_brushed(who: int) -> None:
     env = made(f"population:train:{who}")
     play(env, who)
