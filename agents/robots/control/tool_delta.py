@@ -125,9 +125,10 @@ class ToolDelta(ToolMotion):
             return
         if self._steps_left == 0:  # the step ran as planned: leave out the torque to speed up
             rate = (velocities - self._velocities) / arm.physics_dt
-            torques = torques + self._hold - arm.inertial_torques(positions, rate)
+            torques = torques + self._hold
             if not self._is_weighed:
-                self._weigh(positions, torques)
+                self._weigh(positions, torques, rate)
+            torques = torques - self.weight_share * arm.inertial_torques(positions, rate)
         else:  # nothing can be told of what the motors felt
             torques = self.weight_share * chain.gravity_torques(positions)
         self._steps_left = max(round(duration / arm.physics_dt), 1)
@@ -191,15 +192,18 @@ class ToolDelta(ToolMotion):
         self._goal[:] = chain.tip_frame(target)
         return True
 
-    def _weigh(self, positions: Array, torques: Array) -> None:
-        """Tell the arm's own weight from that of what its hand holds, by what its motors bear.
+    def _weigh(self, positions: Array, torques: Array, rate: Array) -> None:
+        """Tell the arm's own weight from that of what its hand holds, by what its motors bear and speed up.
 
         Args:
             positions: Of the joints [rad or m], shape [n].
-            torques: Of the motors, without those that speed up [N·m or N], shape [n].
+            torques: Of the motors [N·m or N], shape [n].
+            rate: Of the joints' velocities [rad/s² or m/s²], shape [n].
         """
-        chain, self._is_weighed = self._arm.chain, True
-        causes = np.stack((chain.gravity_torques(positions), chain.jacobian(positions)[2]), 1)
+        arm, chain, self._is_weighed = self._arm, self._arm.chain, True
+        own = chain.gravity_torques(positions) + arm.inertial_torques(positions, rate)
+        tool = chain.jacobian(positions)[:3]
+        causes = np.stack((own, tool.T @ (tool @ rate / GRAVITY + (0.0, 0.0, 1.0))), 1)
         found, _, rank, _ = np.linalg.lstsq(causes, torques, rcond=1e-6)
         left = np.linalg.norm(causes @ found - torques)
         if rank < 2 or left > UNEXPLAINED * np.linalg.norm(torques):
