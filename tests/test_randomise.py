@@ -168,6 +168,16 @@ def test_an_arm_that_is_not_as_heavy_as_its_model_weighs_itself(
         assert abs(heights[-1] - heights[4]) < 0.002
 
 
+def test_an_arm_whose_lift_alone_bears_its_weight_takes_no_reaching_out_for_weight() -> None:
+    with closing(rcare_marl.make("toileting", policies={"robot": "scripted"})) as env:
+        env.reset(seed=93105)
+        for _ in range(3):
+            env.step({})
+        robot = env.cast["robot"]
+        assert isinstance(robot, Robot) and isinstance(robot.control, ToolDelta)
+        assert robot.control.weight_share == 1.0
+
+
 def test_motors_that_know_no_position_have_no_gain() -> None:
     robot = {"model": "kinova_gen3", "control": "joint_torque"}
     with pytest.raises(ConfigError, match="motor_gain does nothing"):

@@ -201,13 +201,17 @@ class ToolDelta(ToolMotion):
             rate: Of the joints' velocities [rad/s² or m/s²], shape [n].
         """
         arm, chain, self._is_weighed = self._arm, self._arm.chain, True
-        own = chain.gravity_torques(positions) + arm.inertial_torques(positions, rate)
         tool = chain.jacobian(positions)[:3]
-        causes = np.stack((own, tool.T @ (tool @ rate / GRAVITY + (0.0, 0.0, 1.0))), 1)
-        found, _, rank, _ = np.linalg.lstsq(causes, torques, rcond=1e-6)
-        left = np.linalg.norm(causes @ found - torques)
-        if rank < 2 or left > UNEXPLAINED * np.linalg.norm(torques):
-            return  # one joint alone bears it all, as a Stretch's lift does; or more than weight is felt
+        weights = np.stack((chain.gravity_torques(positions), tool[2]), 1)
+        if np.linalg.matrix_rank(weights, tol=1e-6 * float(np.linalg.norm(weights))) < 2:
+            return  # one joint alone bears it all, as a Stretch's lift does
+        speeding = np.stack(
+            (arm.inertial_torques(positions, rate), tool.T @ (tool @ rate) / GRAVITY), 1
+        )
+        causes = weights + speeding
+        found = np.linalg.lstsq(causes, torques, rcond=None)[0]
+        if np.linalg.norm(causes @ found - torques) > UNEXPLAINED * np.linalg.norm(torques):
+            return  # more than weight is felt
         if abs(found[0] - 1.0) > AS_KNOWN:
             self.weight_share = float(found[0])
 
