@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 from pathlib import Path
 
 import numpy as np
@@ -53,6 +54,16 @@ def test_anybody_has_their_stature_and_mass(sex: str, age: int, height: float, m
     assert abs(body.height - height) < 1e-3
     assert abs(body.mass - mass) < 0.5
     assert np.isfinite(body.mesh.vertices).all()
+
+
+# 940 is shorter than the shapes go; the trousers of 943 reach across the middle of the body at the ankles.
+@pytest.mark.parametrize("number", [940, 943])
+def test_who_is_drawn_from_a_population_has_a_body_of_their_stature(number: int) -> None:
+    avatar = find_avatar(f"population:train:{number}")
+    with np.load(avatar.body_path()) as body:
+        assert abs(json.loads(str(body["meta_json"]))["height_m"] - avatar.height_m) < 1e-3
+        for side in (1, -1):  # two shoes stand on the floor
+            assert abs(body["vertices"][side * body["vertices"][:, 0] > 0, 1].min()) < 0.02
 
 
 @pytest.mark.parametrize("who", ["daniel", "population:train:807", "population:train:709"])
@@ -127,7 +138,7 @@ def test_a_wrong_spec_is_named(tmp_path: Path, fields: dict[str, object], words:
 
 def test_what_no_body_has_is_named() -> None:
     with pytest.raises(ConfigError, match="no body of"):
-        fit_body(shape_basis(), body_recipe(BodySpec(), "male", 30, 2.45, 60))
+        fit_body(shape_basis(), body_recipe(BodySpec(), "male", 30, 2.6, 60))
     with pytest.raises(ConfigError, match="girth of waist"):
         spec = BodySpec(girths={"waist": 0.4})
         fit_body(shape_basis(), body_recipe(spec, "male", 30, 1.8, 90))

@@ -184,13 +184,15 @@ def _boundary_loop(mesh: WeightedMesh, sign: float) -> Ints:
     keys = directed[:, 0] * len(mesh) + directed[:, 1]
     back = directed[:, 1] * len(mesh) + directed[:, 0]
     border = directed[~np.isin(keys, back)]
-    border = border[(mesh.vertices[border[:, 0], 0] * sign > 0)]
     border = border[mesh.fields["shoe"][border].max(axis=1) > -1e-6]
     following = dict(border.tolist())
-    start = min(following, key=lambda v: float(mesh.vertices[v, 2]))
+    # From the outside: a wide leg reaches across the middle.
+    start = max(following, key=lambda v: sign * float(mesh.vertices[v, 0]))
     loop = [start]
     while (after := following[loop[-1]]) != start:
         loop.append(after)
+    heel = int(np.argmin(mesh.vertices[loop, 2]))
+    loop = loop[heel:] + loop[:heel]
     return np.array(loop, dtype=np.int64)
 
 

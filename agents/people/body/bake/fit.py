@@ -16,6 +16,8 @@ from .source import ShapeSource
 
 HEIGHT_TOLERANCE, MASS_TOLERANCE = 3e-4, 0.05  # [m], [kg]
 _LEANEST = 0.05  # muscle of the thinnest and of the fattest
+# Share by which who is shorter or taller than the source goes is scaled in all directions; our own choice.
+_SCALED = 0.01
 _FATTEST = 2.5  # weight, where 1 is the most that the source was made for
 _GIRTH_RANGE = (0.7, 1.45)  # what a girth may depart from that of the body without it
 _GIRTH_ROUNDS = 4
@@ -96,6 +98,10 @@ class _Fit:
             if abs(r.height - body.height) < HEIGHT_TOLERANCE:
                 break
             self.height = float(np.clip(self.height + (r.height - body.height) / slope, 0.0, 1.0))
+        beyond = r.height / body.height
+        if self.height in (0.0, 1.0) and abs(beyond - 1) <= _SCALED:
+            body.mesh.vertices, body.joints = body.mesh.vertices * beyond, body.joints * beyond
+            body.height, body.mass = r.height, body.mass * beyond**3
         return body
 
     def solve(self) -> NakedBody:
