@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from dataclasses import replace
 from typing import Any, NamedTuple, cast
 
@@ -18,7 +19,16 @@ from rcare_marl.agents.people.behaviour.leg_lifting import LegLifting
 from rcare_marl.agents.people.body.skeleton import JOINT_INDEX
 from rcare_marl.agents.people.motion.caregiving import Caregiving
 from rcare_marl.envs.care_env import CareEnv
-from rcare_marl.envs.scenes.dressing_state import EASE, HEADWAY, STALLED, headway
+from rcare_marl.envs.scenes.dressing_state import (
+    EASE,
+    HANGING,
+    HEADWAY,
+    LIFTED,
+    STALLED,
+    STILL,
+    headway,
+    is_lifted,
+)
 from rcare_marl.envs.scenes.leg_path import LegPath
 from rcare_marl.envs.tasks.dressing import Dressing, DressingOptions
 from rcare_marl.errors import ConfigError
@@ -317,3 +327,28 @@ def test_cloth_never_goes_through_the_leg_in_ten_minutes_of_random_actions() -> 
                 assert on == task.state.is_around  # what is off stays off
                 along = task.state.along
     env.close()
+
+
+def test_a_leg_that_is_held_still_a_little_lower_is_up_and_one_on_its_way_is_not(
+    free: CareEnv,
+) -> None:
+    free.reset(seed=0)
+    task, short, dt = task_of(free), 0.5 * (LIFTED + HANGING), free.task.control_dt
+
+    def up(left: float, moved: float) -> bool:
+        before = replace(task.state, to_lifted=np.array((0.0, 0.0, left + moved)))
+        return is_lifted(np.array((0.0, 0.0, left)), before, dt)
+
+    assert up(LIFTED - 0.01, 0.05)
+    assert up(short, 0.5 * STILL * dt) and not up(short, 2 * STILL * dt)
+    assert not up(HANGING + 0.01, 0.0)
+    assert not is_lifted(np.array((0.0, 0.0, short)), None, dt)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("who", [780, 783])  # whose hamstrings are taut before the foot is up
+def test_a_leg_that_goes_no_farther_is_held_and_dressed_there(who: int) -> None:
+    recipient = {"model": f"population:train:{who}", "actuation": "muscle", "excitation": "posture"}
+    with closing(rcare_marl.make("dressing", recipient=recipient, policies=ALL)) as env:
+        play(env, 93080 + who - 770)
+        assert env.task.succeeded()

@@ -16,7 +16,7 @@ import numpy as np
 from rcare_marl.envs.registry import register_policy
 from rcare_marl.envs.scenes.dressing_state import EASE
 from rcare_marl.envs.scenes.hanging_shorts import hold_start, tip
-from rcare_marl.envs.tasks.dressing import LIFTED, REACH, Dressing
+from rcare_marl.envs.tasks.dressing import REACH, Dressing
 from rcare_marl.pose import Array
 
 from .tool_script import ToolScript, limited, turning
@@ -78,7 +78,7 @@ class ScriptedDressing(ToolScript[Dressing]):
             self._left, self._out = True, here + AWAY
         if self._left:
             return self._out
-        is_up = float(np.linalg.norm(task.state.to_lifted)) < LIFTED
+        is_up = task.state.is_up
         self._keep_off(is_up)
         off = OFF[self._stalls % len(OFF)] + self._shy
         goal = tip(task.leg, self._along) + off * task.leg.front(self._along)

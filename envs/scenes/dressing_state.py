@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from rcare_marl.pose import Array
 
 from ..state import State
@@ -11,6 +13,9 @@ from ..state import State
 # [m] that the hem has to make in so many [s], or it counts as stalled, and [m] that it is eased back then;
 # our own choices.
 HEADWAY, STALLED, EASE = 0.03, 2.0, 0.08
+# [m] of the ankle from where it is when the leg is up: a heavy one hangs a little, and more [m] if it goes no
+# farther, or not faster than so [m/s]; our own choices.
+LIFTED, HANGING, STILL = 0.1, 0.14, 0.02
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,12 +36,28 @@ class DressingState(State):
     tool: Array  # where the robot's tool is [m], shape [3]
     joints: Array  # ankle, knee and hip [m], shape [3, 3]
     to_lifted: Array  # from the ankle to where it is when the leg is up [m], shape [3]
+    is_up: bool  # whether the leg is up, see `is_lifted`
     trunk_gap: float  # from the robot to trunk and arms [m], `SEEN` at most
     thigh_gap: float  # from the robot to the thigh [m], `SEEN` at most
     raised: float  # from where the foot is to where it stood [m]
     cloth_force: float  # with which the shorts press on the recipient now, summed [N]
     cloth_peak: float  # the greatest of the episode [N]
     strain: float  # greatest strain of the cloth in the episode
+
+
+def is_lifted(to_lifted: Array, before: DressingState | None, dt: float) -> bool:
+    """Return whether a leg is up: where it is to be, or held still not much lower, as tight muscles have it.
+
+    Args:
+        to_lifted: From the ankle to where it is to be [m], shape [3].
+        before: What was read before.
+        dt: Since then [s].
+    """
+    left = float(np.linalg.norm(to_lifted))
+    if before is None or left < LIFTED:
+        return left < LIFTED
+    moved = float(np.linalg.norm(to_lifted - before.to_lifted))
+    return left < HANGING and moved < STILL * dt
 
 
 def headway(along: float, before: DressingState | None, elapsed: float) -> tuple[float, int, float]:

@@ -28,7 +28,7 @@ from ..care_env import CareEnv
 from ..devices import Wheelchair, chair_for
 from ..rectangle import Rectangle
 from ..registry import register_policy, register_task
-from ..scenes.dressing_state import DressingState, headway
+from ..scenes.dressing_state import DressingState, headway, is_lifted
 from ..scenes.hanging_shorts import hang, hold_start, tip
 from ..scenes.leg_path import LIFT_SPREAD, LiftableLeg, fit_chair, let_leg_stand
 from ..scenes.start_posture import pulling_search, pulling_trials
@@ -41,7 +41,6 @@ FORCE_LIMIT = 40.0
 COMFORT_FORCE = 20.0  # [N] free of penalty in `shaped`: comfort of the user of the RCareWorld paper
 TARGET = (0.0, 0.015)  # [m] past the knee, uniform; the paper randomises targets on the knee
 TIME_LIMIT = 40.0  # [s]; own choice: half of it passes until the leg is up
-LIFTED = 0.1  # [m] of the ankle from where it is when the leg is up: a heavy one hangs a little
 LOWERED = 0.08  # [m] from where the foot stood, where it stands again; own choice
 # Of the caregiver, all our own choices: the palm beside the foot's middle, where she kneels down before the
 # foot and to the outside of it, and how far she walks up [m].
@@ -212,7 +211,7 @@ class Dressing(Task):
         robot, person = self.robot.body, self.recipient.body
         self.robot.control.near = near = self.world.near(robot, person, within=SEEN)
         to_lifted = leg.to_lifted()
-        is_up = float(np.linalg.norm(to_lifted)) < LIFTED
+        is_up = is_lifted(to_lifted, before, self.control_dt)
         stalled, stalls, reached = headway(along, before, self.control_dt if is_up else 0.0)
         return DressingState(
             **vars(now),
@@ -230,6 +229,7 @@ class Dressing(Task):
             stalls=stalls,
             reached=reached,
             to_lifted=to_lifted,
+            is_up=is_up,
             trunk_gap=_least(near, -1),
             thigh_gap=_least(near, self._thigh),
             raised=math.dist(leg.foot_hold(), leg.stood),

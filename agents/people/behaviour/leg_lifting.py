@@ -77,7 +77,7 @@ class Hold(Behaviour):
 class LegLifting(BehaviourTree):
     """Walks up, kneels, grasps, at the second try more slowly, lifts, holds, lowers, and lets go.
 
-    What goes wrong else ends in letting go.
+    A leg that goes no farther is held where it is. What goes wrong else ends in letting go.
 
     Attributes:
         caregiving: Who does it.
@@ -143,7 +143,7 @@ class LegLifting(BehaviourTree):
                 leaf("walk up", lambda do: do.walk_along(lift.corners, lift.stand[2])),
                 leaf("kneel", kneel),
                 decorators.Retry("try", leaf("grasp the ankle", grasp), TRIES),
-                leaf("raise the leg", raise_leg),
+                decorators.FailureIsSuccess("as far as it goes", leaf("raise the leg", raise_leg)),
                 Hold("hold it", caregiving, intent, lift.is_done),
                 leaf("lower the leg", lower_leg),
                 leaf("let go", let_go),
