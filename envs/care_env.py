@@ -356,7 +356,7 @@ class CareEnv(ByRecipe, ParallelEnv[str, Obs, Action]):
         self.randomiser.begin(self.seed, self.task.coming_spread)
         robots = [role for role, agent in self.cast.items() if isinstance(agent, Robot)]
         for _ in range(STARTS):
-            self.world.rewind()
+            self.randomiser.rewind()
             for agent in self._order:
                 agent.reset(rng)
             self.task.begin(rng)

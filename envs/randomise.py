@@ -25,6 +25,7 @@ STREAM = 0x72616E64  # that this chance is drawn from, beside the seed of the ep
 ABOUT = ("description", "source")  # keys of a file that are no perturbations
 SPARED = "spared"  # chance that an episode has none of the other perturbations
 SEEN = ("m", "rad", "N", "m/s", "rad/s", "s", "1")  # units of what is observed
+PLACED = ("m", "rad")  # units of where something stands
 OWN = ("rad", "m", "rad/s", "m/s", "N", "1")
 
 
@@ -55,6 +56,7 @@ KINDS: Mapping[str, Kind] = {
     "person_mass": _FACTOR,
     "object_mass": _FACTOR,
     "friction": _FACTOR,
+    "robot_place": Kind(PLACED, 0.0, 0.5, 0.0, by_unit=True),
     "motor_gain": Kind(("factor",), 0.05, 1.5, 1.0),
     "motor_strength": Kind(("factor",), 0.1, 3.0, 1.0),
     "motor_lag": Kind(("s",), 0.0, 2.0, 0.0),
@@ -63,6 +65,9 @@ KINDS: Mapping[str, Kind] = {
     "observation_bias": _SD,
     "joint_noise": Kind(OWN, 0.0, 10.0, 0.0, by_unit=True),
     "drop_out": Kind(("share",), 0.0, 0.95, 0.0),
+    "camera_place": Kind(PLACED, 0.0, 0.5, 0.0, by_unit=True),
+    "light": _FACTOR,
+    "light_turn": Kind(("rad",), 0.0, 0.5, 0.0),
     "led_astray": Kind(("share",), 0.0, 1.0, 0.0),
     SPARED: Kind(("share",), 0.0, 1.0, 0.0),
 }

@@ -15,11 +15,14 @@ from rcare_marl.agents.robots.robot import Robot
 from rcare_marl.engines.dynamics import Dynamics, grip
 from rcare_marl.errors import ConfigError
 from rcare_marl.observable import Observable, Observation
+from rcare_marl.pose import Pose, about_z, quaternion_from_rpy, rotate
+from rcare_marl.rendering.shot import Light
 from rcare_marl.world import World
 
 from .randomise import Randomisation, label, stream
 
 BODIES = ("robot_mass", "person_mass", "object_mass", "friction")
+PICTURES = ("camera_place", "light", "light_turn")
 SEEN = ("observation_noise", "observation_bias", "joint_noise", "drop_out")
 # [s] for which chance leads a hand astray, and with how much of its greatest speeds; our own choices.
 LED_FOR, LED_MOST = 0.6, 0.3
@@ -122,6 +125,16 @@ class Randomiser:
                         f"led_astray does nothing to {role!r} under {robot.describe()['control']!r}, which "
                         "is told no speeds: use tool_delta, impedance, admittance or joint_velocity"
                     )
+        for role, robot in self._robots.items() if "robot_place" in self._names else ():
+            if robot.rides:
+                raise ConfigError(f"robot_place cannot move {role!r}, which rides on a wheelchair")
+        self._bases = {role: robot.body.base_pose() for role, robot in self._robots.items()}
+        if asked := sorted(self._names & set(PICTURES)):
+            if not any([self._expose(role, Pose(), Light()) for role in self._robots]):
+                raise ConfigError(
+                    f"{asked[0]} does nothing: no robot has a camera; give one to it as in "
+                    "robot={'sensors': ['camera']}"
+                )
         if self._names & set(BODIES):
             self._dynamics = Dynamics(world, [robot.body for robot in self._robots.values()])
 
@@ -149,12 +162,42 @@ class Randomiser:
                     part.joints.motor_strength = self._value("motor_strength", 1.0)
             if role in self._seen:
                 self._seen[role].begin(role, seed, self.drawn)
+            if self._names & set(PICTURES):
+                self._misplace_cameras(role, seed)
+        self._places = {role: stream(seed, f"{role}/place") for role in self._robots}
         self._waiting = {role: [] for role in self._robots}
         self._obeyed, self._led = {}, {}
         self._chances = {role: stream(seed, f"{role}/led_astray") for role in self._robots}
 
-    def _value(self, name: str, usual: float = 0.0) -> float:
-        return next((value for (known, _), value in self.drawn.items() if known == name), usual)
+    def rewind(self) -> None:
+        """Rewind the world, with robots beside their places, each time elsewhere."""
+        self._world.rewind()
+        for role, robot in self._robots.items():
+            shift, turn = (self._value("robot_place", unit=unit) for unit in ("m", "rad"))
+            if shift or turn:
+                x, y, yaw = self._places[role].standard_normal(3) * (shift, shift, turn)
+                base = self._bases[role]
+                turned = Pose((x, y, 0.0), about_z(yaw)) @ Pose(quaternion=base.quaternion)
+                robot.place(Pose(tuple(np.add(base.position, turned.position)), turned.quaternion))
+
+    def _misplace_cameras(self, role: str, seed: int) -> None:
+        at, turn, swing = stream(seed, f"{role}/camera").standard_normal((3, 3))
+        at *= self._value("camera_place", unit="m")
+        turn *= self._value("camera_place", unit="rad")
+        swing *= self._value("light_turn")
+        error = Pose(tuple(at.tolist()), tuple(quaternion_from_rpy(*turn).tolist()))
+        way, power = rotate(quaternion_from_rpy(*swing), Light.direction), self._value("light", 1.0)
+        self._expose(role, error, Light(tuple(way.tolist()), key=power, fill=power))
+
+    def _expose(self, role: str, error: Pose, light: Light) -> bool:
+        """Misplace the cameras of a robot, and light what they see; return whether it has any."""
+        sensors = self._robots[role].sensors
+        found = sensors.sensors.values() if sensors is not None else ()
+        return any([sensor.misplace(error, light) for sensor in found])
+
+    def _value(self, name: str, usual: float = 0.0, unit: str = "") -> float:
+        found = (v for (n, u), v in self.drawn.items() if n == name and unit in ("", u))
+        return next(found, usual)
 
     def _scale(self, dynamics: Dynamics) -> None:
         kinds = {agent.body.uid: type(agent) for agent in self._cast.values()}

@@ -305,6 +305,67 @@ def test_a_hand_is_led_astray_for_a_while_and_obeys_again() -> None:
             rcare_marl.make("feeding", robot=robot, randomise={"led_astray": {"share": 0.1}})
 
 
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_robot_stands_beside_its_place_and_its_task_still_begins_right(engine: str) -> None:
+    asked = {"robot_place": {"m": 0.03, "rad": 0.05}}
+    with (
+        closing(learned_by(asked, engine=engine)) as env,
+        closing(learned_by(engine=engine)) as usual,
+    ):
+        places = []
+        usual.reset(seed=3)
+        home = usual.cast["robot"].body.base_pose()
+        for seed in (3, 4, 3):
+            assert drawn(env, seed) == {
+                "randomise_robot_place_m": 0.03,
+                "randomise_robot_place_rad": 0.05,
+            }
+            place = home.inverse() @ env.cast["robot"].body.base_pose()
+            places.append((*place.position, *place.quaternion))
+            if seed == 3:  # the spoon begins over the bowl all the same
+                np.testing.assert_allclose(tool(env), tool(usual), atol=2e-3)
+        x, y, z, *turn = places[0]
+        assert places[2] == places[0] != places[1]
+        assert 0.003 < np.hypot(x, y) < 0.12 and abs(z) < 1e-9 and abs(turn[2]) > 1e-3
+        env.randomiser.randomisation = Randomisation.of({})
+        assert_same(*([list(s[:2]) for s in rollout(e, 3, 5)] for e in (env, usual)))
+    with pytest.raises(ConfigError, match="robot_place cannot move 'robot', which rides"):
+        rcare_marl.make(
+            "ambulating", options={"goal": "through", "clear_width": 0.9}, randomise=asked
+        )
+
+
+def test_a_misplaced_camera_sees_from_elsewhere_what_its_robot_believes_to_see_from_its_place() -> (
+    None
+):
+    camera = {"kind": "camera", "outputs": ["rgb", "points"], "width": 32, "height": 24}
+    robot = {"sensors": [camera]}
+    seen = []
+    for asked in (
+        None,
+        {"camera_place": {"m": 0.05}},
+        {"light": {"factor": 0.4}},
+        {"light_turn": {"rad": 0.5}},
+    ):
+        with closing(learned_by(asked, robot=robot)) as env:
+            (observed, _), suite = env.reset(seed=2), env.cast["robot"].sensors
+            assert suite is not None
+            view = suite.sensors["camera"].view  # type: ignore[attr-defined]
+            points = observed["robot"]["camera_points"].reshape(24, 32, 3)
+            seen.append((observed["robot"]["camera_rgb"].astype(float), points, view.pose))
+    (rgb, points, pose), misplaced, dim, turned = seen
+    assert all(other[2] == pose for other in (misplaced, dim, turned))
+    assert not np.array_equal(misplaced[0], rgb) and not np.allclose(
+        misplaced[1], points, atol=0.01
+    )
+    np.testing.assert_array_equal(dim[1], points)
+    np.testing.assert_array_equal(turned[1], points)
+    hit = points.any(axis=2)  # the sky keeps its colour
+    assert dim[0][hit].mean() < 0.8 * rgb[hit].mean() and not np.array_equal(turned[0], rgb)
+    with pytest.raises(ConfigError, match="light does nothing: no robot has a camera"):
+        learned_by({"light": {"factor": 0.5}})
+
+
 def test_what_a_robot_sees_is_noisy_biased_and_held() -> None:
     given = {
         "observation_noise": {"m": 0.02},

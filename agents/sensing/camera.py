@@ -13,7 +13,7 @@ import numpy.typing as npt
 from rcare_marl.errors import ConfigError, check_name
 from rcare_marl.pose import Pose
 from rcare_marl.rendering.camera import Camera, check_lens
-from rcare_marl.rendering.shot import Look, Output, Picture, Shot
+from rcare_marl.rendering.shot import Light, Look, Output, Picture, Shot
 from rcare_marl.rendering.studio import Studio, Viewpoint
 from rcare_marl.world import World
 
@@ -142,6 +142,7 @@ class CameraSensor(Sensor):
 
     def __init__(self, config: CameraConfig) -> None:
         self.config = config
+        self._error, self._light = Pose(), Light()
         self._viewpoint: Viewpoint | None = None
 
     def links(self, agent: Agent) -> Sequence[str]:
@@ -163,7 +164,7 @@ class CameraSensor(Sensor):
             if config.fov_deg is None:
                 self._fov = mount.fov_deg
             self._place = Place(agent.body.link_index(mount.link), mount.pose)
-        self._viewpoint = Studio.of(world).enter(self._aim, config.rate)
+        self._viewpoint = Studio.of(world).enter(self.aim, config.rate)
 
     @property
     def fov_deg(self) -> float:
@@ -184,14 +185,21 @@ class CameraSensor(Sensor):
 
     @property
     def view(self) -> Camera:
-        """The camera as it stands now: `K`, `pose`, `project` and `unproject`; once bound."""
+        """The camera as it is believed to stand now: `K`, `pose`, `project`, `unproject`; once bound."""
+        return self._standing(Pose())
+
+    def misplace(self, error: Pose, light: Light) -> bool:
+        self._error, self._light = error, light
+        return True
+
+    def _standing(self, error: Pose) -> Camera:
         config = self.config
         pose = config.pose_in_room()
         if pose is None:
             assert self._place is not None
             pose = self._body.link_pose(self._place.link) @ self._place.pose
         return Camera.at(
-            pose,
+            pose @ error,
             fov_deg=self._fov,
             width=config.width,
             height=config.height,
@@ -204,8 +212,10 @@ class CameraSensor(Sensor):
         """Name of body and link by their number in `segmentation`; once bound."""
         return Studio.of(self._world).labels()
 
-    def _aim(self) -> Shot:
-        return Shot(self.view, self.config.read, self.config.look)
+    def aim(self) -> Shot:
+        """Return the picture to take now, from where the camera truly stands; once bound."""
+        config = self.config
+        return Shot(self._standing(self._error), config.read, config.look, self._light)
 
     def channels(self) -> Sequence[Channel]:
         config = self.config
@@ -244,7 +254,8 @@ class CameraSensor(Sensor):
 
     def _points(self, depth: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
         """Return the points of a picture of depths [m] in the frame of the base, shape [n, 3]."""
-        camera_in_base: Pose = self._base_pose.inverse() @ self._camera.pose
+        believed = self._camera.pose @ self._error.inverse()
+        camera_in_base: Pose = self._base_pose.inverse() @ believed
         matrix = camera_in_base.matrix()
         points = (self._camera.rays() * depth[:, :, None]) @ matrix[:3, :3].T + matrix[:3, 3]
         points[depth == 0] = 0.0

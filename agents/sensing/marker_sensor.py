@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
 from functools import partial
@@ -14,7 +15,7 @@ from rcare_marl.errors import ConfigError, check_name
 from rcare_marl.pose import Array, Pose, rotation_vector
 from rcare_marl.rendering import Renderer
 from rcare_marl.rendering.camera import Camera
-from rcare_marl.rendering.shot import Look, Shot
+from rcare_marl.rendering.shot import Light, Look, Shot
 from rcare_marl.rendering.studio import Studio, Viewpoint
 from rcare_marl.world import World
 
@@ -166,8 +167,12 @@ class MarkerSensor(Sensor):
             self._others.append(studio.enter(partial(self._exposure, number), config.rate))
 
     def _exposure(self, number: int) -> Shot:
-        config = self.config
-        return exposures(self._camera.view, config.look, config.exposures)[number]
+        config, first = self.config, self._camera.aim()
+        shots = exposures(first.camera, config.look, config.exposures)
+        return dataclasses.replace(shots[number], light=first.light)
+
+    def misplace(self, error: Pose, light: Light) -> bool:
+        return self._camera.misplace(error, light)
 
     def channels(self) -> Sequence[Channel]:
         out = []

@@ -14,6 +14,7 @@ import numpy.typing as npt
 from rcare_marl.errors import ConfigError, check_name
 from rcare_marl.model.urdf import Model
 from rcare_marl.pose import Pose, quaternion_from_matrix
+from rcare_marl.rendering.shot import Light
 from rcare_marl.world import World
 
 from ..agent import Agent
@@ -138,6 +139,14 @@ class Sensor(abc.ABC):
 
     def reset(self) -> None:
         """Clear any memory of the last episode."""
+
+    def misplace(self, error: Pose, light: Light) -> bool:
+        """Take pictures from an `error` beside where their place is believed to be, in another light.
+
+        Returns:
+            Whether it takes any.
+        """
+        return False
 
     def after_substep(self) -> None:
         """Look at the world after a physics step, for what is integrated or differentiated."""

@@ -28,8 +28,8 @@ KEY_DIRECTION = (0.42, -0.5, 0.95)  # towards the light, not normalised
 class Light:
     """One far light that casts shadows, and a softer one from everywhere.
 
-    A picture under a sky is the mean of pictures under several lights. The software renderer has a
-    light of its own.
+    A picture under a sky is the mean of pictures under several lights. The software renderer knows
+    `direction`, `key` and `fill`.
 
     Attributes:
         direction: Towards the far light; need not be of unit length.

@@ -25,7 +25,7 @@ from .mesh import Floats
 from .piece import Piece, SkinCuts, split_by_color
 from .renderer import Renderer
 from .shading import HORIZON
-from .shot import KEY_DIRECTION, Labels, Picture, Shot
+from .shot import Labels, Light, Picture, Shot
 from .stroke import paint, skin_opacity
 
 _BEND = 2e-3  # relative change of slope from pixel to pixel above which there may be an edge
@@ -96,7 +96,7 @@ class SoftwareRenderer(Renderer):
 
     def _colors(self, shot: Shot) -> npt.NDArray[np.uint8]:
         camera = shot.camera
-        image = self._image(camera, shadows=shot.look == "full")
+        image = self._image(camera, shot.light, shadows=shot.look == "full")
         seen = np.reshape(np.asarray(image[2], np.uint8), (camera.height, camera.width, 4))
         out = np.ascontiguousarray(seen[:, :, :3])
         distance = _distances(image, camera)
@@ -107,7 +107,7 @@ class SoftwareRenderer(Renderer):
 
     def _survey(self, shot: Shot) -> Picture:
         camera = shot.camera
-        image = self._image(camera, shadows=False)
+        image = self._image(camera, shot.light, shadows=False)
         depth = _distances(image, camera)
         copies = np.reshape(np.asarray(image[4], np.int64), depth.shape)
         labels = np.where(np.isinf(depth), -1, self._labels[copies])
@@ -140,19 +140,19 @@ class SoftwareRenderer(Renderer):
             self._known = known
             self._build()
 
-    def _image(self, camera: Camera, *, shadows: bool) -> tuple[Any, ...]:
+    def _image(self, camera: Camera, light: Light, *, shadows: bool) -> tuple[Any, ...]:
         # It samples pixels at their lower left corner: the picture is shifted so that these are the middles.
         return bullet.getCameraImage(
             camera.width,
             camera.height,
             viewMatrix=camera.view().T.ravel().tolist(),
             projectionMatrix=camera.shifted(-0.5, 0.5).projection().T.ravel().tolist(),
-            lightDirection=KEY_DIRECTION,
+            lightDirection=light.direction,
             lightColor=(1, 1, 1),
             lightDistance=6.0,
-            lightAmbientCoeff=0.55,
-            lightDiffuseCoeff=0.5,
-            lightSpecularCoeff=0.1,
+            lightAmbientCoeff=0.55 * light.fill,
+            lightDiffuseCoeff=0.5 * light.key,
+            lightSpecularCoeff=0.1 * light.key,
             shadow=int(shadows),
             renderer=bullet.ER_TINY_RENDERER,
             physicsClientId=self._client,
