@@ -101,6 +101,9 @@ class Randomiser:
         self._obeyed: dict[str, Array] = {}
         self._chances: dict[str, np.random.Generator] = {}
         self._led: dict[str, tuple[int, Array]] = {}  # how many steps are left, and where
+        self._starts: dict[
+            str, tuple[Pose, tuple[Pose, Array] | None]
+        ] = {}  # base; tool and posture
 
     def bind(self, world: World, cast: Mapping[str, Agent]) -> None:
         """Take hold of a scene whose world is marked, in place of any scene before.
@@ -125,10 +128,12 @@ class Randomiser:
                         f"led_astray does nothing to {role!r} under {robot.describe()['control']!r}, which "
                         "is told no speeds: use tool_delta, impedance, admittance or joint_velocity"
                     )
+        self._starts = {}
         for role, robot in self._robots.items() if "robot_place" in self._names else ():
             if robot.rides:
                 raise ConfigError(f"robot_place cannot move {role!r}, which rides on a wheelchair")
-        self._bases = {role: robot.body.base_pose() for role, robot in self._robots.items()}
+            hand = (robot.tool_pose(), robot.arm.rest.copy()) if robot.arms else None
+            self._starts[role] = robot.body.base_pose(), hand
         if asked := sorted(self._names & set(PICTURES)):
             if not any([self._expose(role, Pose(), Light()) for role in self._robots]):
                 raise ConfigError(
@@ -170,15 +175,22 @@ class Randomiser:
         self._chances = {role: stream(seed, f"{role}/led_astray") for role in self._robots}
 
     def rewind(self) -> None:
-        """Rewind the world, with robots beside their places, each time elsewhere."""
+        """Rewind the world, with robots beside their places, each time elsewhere.
+
+        The tool of the main arm begins where it does else, as far as the arm can, and holds what it held.
+        """
         self._world.rewind()
-        for role, robot in self._robots.items():
-            shift, turn = (self._value("robot_place", unit=unit) for unit in ("m", "rad"))
-            if shift or turn:
-                x, y, yaw = self._places[role].standard_normal(3) * (shift, shift, turn)
-                base = self._bases[role]
-                turned = Pose((x, y, 0.0), about_z(yaw)) @ Pose(quaternion=base.quaternion)
-                robot.place(Pose(tuple(np.add(base.position, turned.position)), turned.quaternion))
+        shift, turn = (self._value("robot_place", unit=unit) for unit in ("m", "rad"))
+        for role, (base, hand) in self._starts.items():
+            robot = self._robots[role]
+            x, y, yaw = self._places[role].standard_normal(3) * (shift, shift, turn)
+            turned = Pose((x, y, 0.0), about_z(yaw)) @ Pose(quaternion=base.quaternion)
+            robot.place(Pose(tuple(np.add(base.position, turned.position)), turned.quaternion))
+            if hand is not None:
+                (tool, rest), is_moved = hand, shift > 0 or turn > 0
+                robot.arm.rest = (
+                    robot.solve_ik(tool, seed=rest, near=True).posture if is_moved else rest
+                )
 
     def _misplace_cameras(self, role: str, seed: int) -> None:
         at, turn, swing = stream(seed, f"{role}/camera").standard_normal((3, 3))
