@@ -62,6 +62,11 @@ def test_another_cast_is_warned_of_once_with_what_was_measured() -> None:
     assert "not trained with recipient jose" in text and "20 of 20" in text
     (text,) = play("feeding", "specialist", recipient="population:test:3")
     assert "population:test:3" in text or "not measured" in text
+    for person in ("population:test:3", "population:train:0-9"):
+        (text,) = play("toileting", recipient=person)
+        assert (
+            f"recipient {person}; measured with recipient population, level 1: 100 of 100" in text
+        )
     (text,) = play("feeding", "specialist", recipient="six")
     assert "recipient six" in text and "not measured" in text
 
@@ -104,7 +109,7 @@ def test_a_robot_besides_does_not_help() -> None:
 def test_what_was_measured_is_of_what_there_is() -> None:
     files = {file.stem for file in trained.FOLDER.glob("*.npz")}
     known: dict[str, set[Any]] = {
-        "recipient": set(assets.names("avatars")),
+        "recipient": {*assets.names("avatars"), "population", "six"},
         "robot": set(assets.names("robots")),
         "home": set(home_names()),
         "level": {1, 2, 3},

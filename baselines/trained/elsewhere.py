@@ -15,7 +15,7 @@ from typing import Any
 
 from rcare_marl import assets
 from rcare_marl.agents.people.human import Human
-from rcare_marl.agents.people.sampling.population import find_avatar, names_several
+from rcare_marl.agents.people.sampling.population import PREFIX, find_avatar, names_several
 from rcare_marl.agents.robots.robot import Robot
 from rcare_marl.config import load, read_yaml
 from rcare_marl.envs.care_env import CareEnv
@@ -119,7 +119,9 @@ def differences(env: CareEnv, file: PolicyFile) -> dict[str, Any]:
 
 def _played(env: CareEnv) -> dict[str, str]:
     """Return who plays each role, by the names of `_model`."""
-    called = {} if env.company is None else env.company.called
+    named = {role: str(model_of(entry)) for role, entry in env.setup.get("cast", {}).items()}
+    called = {role: name for role, name in named.items() if name.startswith(PREFIX)}
+    called |= {} if env.company is None else env.company.called
     return {role: called.get(role) or _model(agent) for role, agent in env.cast.items()}
 
 
@@ -138,8 +140,9 @@ def measured(
 
     Else, where it seldom came off, with some of who plays: in the same place and with the same options,
     but with other people or robots besides; whom it was trained with, too. A figure without a level is of
-    all at which it was trained.
+    all at which it was trained, and one with `population` of whoever is sampled.
     """
+    differing = {key: _anybody(value) for key, value in differing.items()}
     here = {**differing, "level": level}
     found = [f for f in figures().get(name, ()) if f.cast == here]
     found += [f for f in figures().get(name, ()) if f.cast == dict(differing)]
@@ -151,6 +154,11 @@ def measured(
         if fits and same and figure.done <= SELDOM * figure.of:
             found.append(figure)
     return found[0] if found else None
+
+
+def _anybody(value: Any) -> Any:
+    """Return `population` for people of one, and anything else as it is."""
+    return PREFIX[:-1] if isinstance(value, str) and value.startswith(PREFIX) else value
 
 
 def _is_place(key: str) -> bool:
