@@ -335,6 +335,22 @@ def test_a_robot_stands_beside_its_place_and_its_task_still_begins_right(engine:
         )
 
 
+@pytest.mark.slow
+def test_shorts_hang_in_the_hand_of_a_robot_that_stands_beside_its_place() -> None:
+    asked = {"robot_place": {"m": 0.03, "rad": 0.05}}
+    with closing(rcare_marl.make("dressing", randomise=asked)) as env:
+        hands, strains = [], []
+        for seed in range(3):
+            env.reset(seed=seed)
+            hands.append(tool(env))
+            env.step(
+                {role: np.zeros(env.action_space(role).shape, np.float32) for role in env.agents}
+            )
+            strains.append(env.task.report()["peak_strain"])
+        np.testing.assert_allclose(hands, [hands[0]] * 3, atol=5e-3)
+        assert max(strains) < 0.5  # moved along with the base it would be drawn by 5 cm
+
+
 def test_a_misplaced_camera_sees_from_elsewhere_what_its_robot_believes_to_see_from_its_place() -> (
     None
 ):
