@@ -28,6 +28,7 @@ SEEN = ("observation_noise", "observation_bias", "joint_noise", "drop_out")
 LED_FOR, LED_MOST = 0.6, 0.3
 UNMOVED = ("joint_velocity", "joint_torque")  # modes whose motors know no position
 Floats = npt.NDArray[np.float32]
+Start = tuple[Pose, tuple[Pose, Array] | None]  # base of a robot; tool and posture of its main arm
 
 
 def _is_speed(name: str) -> bool:
@@ -101,9 +102,7 @@ class Randomiser:
         self._obeyed: dict[str, Array] = {}
         self._chances: dict[str, np.random.Generator] = {}
         self._led: dict[str, tuple[int, Array]] = {}  # how many steps are left, and where
-        self._starts: dict[
-            str, tuple[Pose, tuple[Pose, Array] | None]
-        ] = {}  # base; tool and posture
+        self._starts: dict[str, Start] = {}  # of those that `robot_place` moves
 
     def bind(self, world: World, cast: Mapping[str, Agent]) -> None:
         """Take hold of a scene whose world is marked, in place of any scene before.
@@ -181,22 +180,22 @@ class Randomiser:
         """
         self._world.rewind()
         shift, turn = (self._value("robot_place", unit=unit) for unit in ("m", "rad"))
+        is_moved = shift > 0 or turn > 0
         for role, (base, hand) in self._starts.items():
             robot = self._robots[role]
             x, y, yaw = self._places[role].standard_normal(3) * (shift, shift, turn)
             turned = Pose((x, y, 0.0), about_z(yaw)) @ Pose(quaternion=base.quaternion)
             robot.place(Pose(tuple(np.add(base.position, turned.position)), turned.quaternion))
             if hand is not None:
-                (tool, rest), is_moved = hand, shift > 0 or turn > 0
-                robot.arm.rest = (
-                    robot.solve_ik(tool, seed=rest, near=True).posture if is_moved else rest
-                )
+                tool, rest = hand
+                found = robot.solve_ik(tool, seed=rest, near=True) if is_moved else None
+                robot.arm.rest = rest if found is None else found.posture
 
     def _misplace_cameras(self, role: str, seed: int) -> None:
-        at, turn, swing = stream(seed, f"{role}/camera").standard_normal((3, 3))
+        at, turn = stream(seed, f"{role}/camera").standard_normal((2, 3))
         at *= self._value("camera_place", unit="m")
         turn *= self._value("camera_place", unit="rad")
-        swing *= self._value("light_turn")
+        swing = self._value("light_turn") * stream(seed, "light").standard_normal(3)
         error = Pose(tuple(at.tolist()), tuple(quaternion_from_rpy(*turn).tolist()))
         way, power = rotate(quaternion_from_rpy(*swing), Light.direction), self._value("light", 1.0)
         self._expose(role, error, Light(tuple(way.tolist()), key=power, fill=power))
