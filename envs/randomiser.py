@@ -187,9 +187,10 @@ class Randomiser:
             turned = Pose((x, y, 0.0), about_z(yaw)) @ Pose(quaternion=base.quaternion)
             robot.place(Pose(tuple(np.add(base.position, turned.position)), turned.quaternion))
             if hand is not None:
-                tool, rest = hand
-                found = robot.solve_ik(tool, seed=rest, near=True) if is_moved else None
-                robot.arm.rest = rest if found is None else found.posture
+                tool, robot.arm.rest = hand  # the last episode's would lead the search
+                if is_moved:
+                    found = robot.solve_ik(tool, seed=robot.arm.rest, near=True)
+                    robot.arm.rest = found.posture
 
     def _misplace_cameras(self, role: str, seed: int) -> None:
         at, turn = stream(seed, f"{role}/camera").standard_normal((2, 3))
