@@ -312,7 +312,7 @@ def test_a_robot_stands_beside_its_place_and_its_task_still_begins_right(engine:
         closing(learned_by(asked, engine=engine)) as env,
         closing(learned_by(engine=engine)) as usual,
     ):
-        places, states = [], []
+        places, states = [], list[list[np.ndarray]]()
         usual.reset(seed=3)
         home = usual.cast["robot"].body.base_pose()
         for seed in (3, 4, 3):
