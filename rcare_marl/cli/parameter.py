@@ -71,8 +71,8 @@ Randomise = Annotated[
     typer.Option(
         parser=lambda text: _entry("--randomise", text),
         metavar="NAME|FILE",
-        help="Perturb each episode: masses, friction, motors, delay, noise. The name of one that ships, a "
-        "YAML file, or in braces such as '{action_delay: {steps: 1}}'. See docs/randomisation.md.",
+        help="Perturb each episode: masses, friction, motors, places, delay, noise. The name of one that "
+        "ships, a YAML file, or in braces such as '{action_delay: {steps: 1}}'. See docs/randomisation.md.",
     ),
 ]
 HomeName = Annotated[
