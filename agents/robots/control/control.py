@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import abc
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 
 import numpy as np
 
@@ -24,6 +24,8 @@ class Control(abc.ABC):
         needs_actuation: Whether `actuate` must be called before every physics step.
         near: Where links are near what they are to be kept clear of, by who looks in each control step;
             heeded by `ToolDelta` and its kinds.
+        carried: Links of who is near that go as the tool does, such as an arm that lies in a cradle: they
+            are not to be carried against the robot's own arm.
     """
 
     size: int
@@ -31,6 +33,7 @@ class Control(abc.ABC):
     max: Array
     needs_actuation: bool = False
     near: Sequence[Near] = ()
+    carried: Container[int] = ()
 
     @abc.abstractmethod
     def reset(self) -> None:

@@ -168,9 +168,11 @@ class ToolDelta(ToolMotion):
         ease = np.linalg.inv(stiffness)
         target, free = self._target.copy(), np.ones(len(positions), bool)
         bounds = []
-        for link, _, point, away, gap, coming in self.near:
+        for link, other, point, away, gap, coming in self.near:
             if link in self._movers:
                 moved = chain.point_jacobian(positions, self._movers[link], np.array(point))
+                if other in self.carried:  # it comes as the tool goes
+                    moved, coming = moved - tool[:3], 0.0
                 slope = np.array(away) @ moved
                 if float(slope @ slope) > LEVER**2:
                     least = NEARING * (CLOSE - gap) + max(coming, 0.0)
