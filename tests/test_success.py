@@ -15,7 +15,7 @@ EPISODES = 100
 # Of so many episodes with each of the people, how many must end well: docs/tasks.md.
 PEOPLE, FEW = ("daniel", "jose", "karan", "kim", "morgan", "natalia"), 20
 LEAST_OF_FEW = {"limb_repositioning": 17, "dressing": 17, "phyrc_bathing": 17}
-# Of so many episodes, in how many a random robot may succeed; more where a person who reaches for a cup does the most.
+# Below how many of so many a random robot stays, else below two: for a cup the person reaches by themselves.
 MOST_AT_RANDOM = {"handing_over": 10}
 LEAST = {task: task_class(task).least_success for task in rcare_marl.task_names()}
 
