@@ -31,4 +31,5 @@ class LimbRepositioningState(State):
     arm_weight: float  # of the whole arm [N]
     pad_force: float  # how forearm and hand weigh on the pad [N]
     beyond: float  # most that a joint was beyond its passive range [rad]
+    earlier: Array  # where the middle of the forearm was at the look before [m], shape [3]
     rested: float  # for how long the forearm has rested [s]

@@ -45,7 +45,7 @@ TARGET_RADIUS, MIDDLE = 0.05, 0.03  # [m] of the forearm from the target, the pa
 PAD_FORCE = 2.0  # [N] with which forearm and hand weigh on the pad at least; our own choice
 TOUCH = 0.005  # [m] between forearm and pad, flesh being softer than its capsule; our own choice
 LET_GO = 0.02  # [m] between the person and all that the robot moves; our own choice
-STILL = 0.05  # [m/s] of the forearm that rests; our own choice
+STILL = 0.05  # [m/s] of the forearm that rests, over two control steps; our own choice
 HOLD_TIME = 0.5  # [s] that it rests before it counts; our own choice
 PROM_MARGIN = math.radians(5)  # beyond the passive range, joint stops being soft; our own choice
 TIME_LIMIT = 30.0  # [s]; our own choice
@@ -220,8 +220,12 @@ class LimbRepositioning(Task):
         gap, distance = self._target - middle, math.dist(self._target, middle)
         hook, plate = self.hook()[0], self.seat_pose()
         pad_force, ease = self._force_on_pad(), self.options.tolerance
-        lies = pad_force >= PAD_FORCE and distance <= TARGET_RADIUS * ease
-        is_still = math.dist(last, middle) <= STILL * ease * self.control_dt
+        earlier, weighed = (
+            (last, pad_force) if before is None else (before.earlier, before.pad_force)
+        )
+        # Over two looks, a period of tremor: an arm that shakes on the pad rests there, too.
+        lies = 0.5 * (weighed + pad_force) >= PAD_FORCE and distance <= TARGET_RADIUS * ease
+        is_still = math.dist(earlier, middle) <= STILL * ease * 2 * self.control_dt
         rests = lies and is_still and min(self._gaps()) >= LET_GO
         lap_gap = self.world.separation(
             self.cradle_body, person.body, within=LAP_SEEN, links=(-1, -1)
@@ -244,6 +248,7 @@ class LimbRepositioning(Task):
             lap_gap=min(lap_gap, LAP_SEEN),
             arm_weight=arm_weight(person),
             pad_force=pad_force,
+            earlier=last,
             beyond=max(past[0], beyond),
             rested=past[1] + self.control_dt if rests else 0.0,
         )
