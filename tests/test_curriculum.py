@@ -157,7 +157,9 @@ def drunk(env: Any) -> None:
 
 
 def dressed(env: Any) -> None:
-    nearly(env, is_around=True, along=env.task.state.target_along / 1.5)
+    state = env.task.state
+    way = (state.target_along - state.begun) / 1.5
+    nearly(env, is_around=True, along=state.begun + way)
 
 
 def opened(env: Any) -> None:

@@ -27,6 +27,7 @@ class DressingState(State):
     distance: float  # length of that [m]
     along: float  # how far from the ankle the leg goes through the hem [m]
     target_along: float  # how far it is to go [m]
+    begun: float  # how far it was as the episode began [m]
     stalled: float  # since when, with the leg up, the hem has not come `HEADWAY` farther [s]
     stalls: int  # how often that came to `STALLED`
     reached: float  # from where it is to come so much farther [m]

@@ -207,7 +207,8 @@ class Dressing(Task):
         is_around, target_along = abs(winding) == 1, self._target_along
         hem, target = ring.mean(axis=0), leg.at(target_along)
         gap, strain = target - hem, float(self.cloth.strain.max())
-        is_there = is_around and self._comes_to(along, target_along)
+        begun = along if before is None else before.begun
+        is_there = is_around and self._comes_to(target_along, along, begun)
         robot, person = self.robot.body, self.recipient.body
         self.robot.control.near = near = self.world.near(robot, person, within=SEEN)
         to_lifted = leg.to_lifted()
@@ -220,6 +221,7 @@ class Dressing(Task):
             distance=math.sqrt(float(gap @ gap)),
             along=along,
             target_along=target_along,
+            begun=begun,
             is_around=is_around,
             is_held=bool(self.cloth.grips),
             is_past=is_there or (before is not None and before.is_past),
@@ -238,9 +240,9 @@ class Dressing(Task):
             strain=max(0.0 if before is None else before.strain, strain),
         )
 
-    def _comes_to(self, along: Values, goal: Values) -> Values:
-        """Return whether the hem is as far up the leg, as nearly as the tolerance allows."""
-        return along * self.options.tolerance >= goal
+    def _comes_to(self, goal: Values, along: Values, begun: Values) -> Values:
+        """Return whether the hem has gone as far up the leg, as nearly as the tolerance allows."""
+        return (along - begun) * self.options.tolerance >= goal - begun
 
     def observables(self, role: str) -> Sequence[Seen]:
         return [
@@ -291,9 +293,9 @@ class Dressing(Task):
     def is_success(self, state: DressingState) -> Values:
         """Return whether the hem is at its target, round the leg; or was, and the leg is down again."""
         if self.options.until == "target":
-            return state.is_around & self._comes_to(state.along, state.target_along)
+            return state.is_around & self._comes_to(state.target_along, state.along, state.begun)
         is_down = state.raised < LOWERED * self.options.tolerance
-        is_on = state.is_around & self._comes_to(state.along, self.leg.shank)
+        is_on = state.is_around & self._comes_to(self.leg.shank, state.along, state.begun)
         return is_on & state.is_past & is_down
 
     def is_failure(self, state: DressingState) -> Values:
