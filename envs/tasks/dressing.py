@@ -211,8 +211,7 @@ class Dressing(Task):
         is_there = is_around and self._comes_to(target_along, along, begun)
         robot, person = self.robot.body, self.recipient.body
         self.robot.control.near = near = self.world.near(robot, person, within=SEEN)
-        to_lifted = leg.to_lifted()
-        is_up = is_lifted(to_lifted, before, self.control_dt)
+        is_up = is_lifted(to_lifted := leg.to_lifted(), before, self.control_dt)
         stalled, stalls, reached = headway(along, before, self.control_dt if is_up else 0.0)
         return DressingState(
             **vars(now),
