@@ -15,7 +15,8 @@ EPISODES = 100
 # Of so many episodes with each of the people, how many must end well: docs/tasks.md.
 PEOPLE, FEW = ("daniel", "jose", "karan", "kim", "morgan", "natalia"), 20
 LEAST_OF_FEW = {"limb_repositioning": 17, "dressing": 17, "phyrc_bathing": 17}
-# Below how many of so many a random robot stays, else below two: for a cup the person reaches by themselves.
+# Below how many of so many a random robot stays, else below two. In handing over the person takes the cup:
+# of one who keeps still none of 30 end well.
 MOST_AT_RANDOM = {"handing_over": 10}
 LEAST = {task: task_class(task).least_success for task in rcare_marl.task_names()}
 
