@@ -138,8 +138,10 @@ def find_avatar(name: str | Path) -> AvatarConfig:
 
 def names_several(name: object) -> bool:
     """Return whether a name stands for people of a population: `six`, `population:test`, `:0-9`."""
-    if not isinstance(name, str) or name == SIX:
-        return name == SIX
+    if not isinstance(name, str):
+        return False
+    if name == SIX:
+        return True
     _, _, number = name.removeprefix(PREFIX).partition(":")
     return name.startswith(PREFIX) and not number.isdecimal()
 
