@@ -22,6 +22,7 @@ from ..registry import register_policy, register_task
 from ..scenes.meal import MOUTH_RADIUS, Meal, MealOptions, Mouth
 from ..scenes.refusal import Refusal, RefusalOptions, refusal_seen
 from ..state import Seen, State, Values, clip, degrees, tolerance
+from ..task import CHAIR_ROBOTS
 
 Flags = npt.NDArray[np.bool_]
 
@@ -94,7 +95,7 @@ class Drinking(Meal):
     Tolerance: the share that may be spilled; that to be drunk is divided by it.
     """
 
-    reachable_by = ("franka_panda", "kinova_gen2", "kinova_gen3", "pr2", "stretch_re1_dex")
+    reachable_by = CHAIR_ROBOTS - {"fetch", "stretch_re1"} | {"stretch_re1_dex"}
     least_success = 90
     hands_touch = False  # the cup does
     Options = DrinkingOptions

@@ -22,7 +22,7 @@ from ..scenes.meal import MOVABLE, Meal, MealOptions
 from ..scenes.refusal import Refusal, RefusalOptions, refusal_seen
 from ..scenes.skin_spot import SkinSpot, averted, cheek_spot, free_side, limb_spot
 from ..state import Seen, State, Values, clip, tolerance
-from ..task import Role
+from ..task import CHAIR_ROBOTS, Role
 
 Site = Literal["forearm", "hand", "cheek"]
 Hold = tuple[float, float, float]
@@ -105,7 +105,7 @@ class Scratching(Meal):
     recipient = Role(
         Human, default="jose", posture="wheelchair", movable=MOVABLE, partner="still", speaks=True
     )
-    reachable_by = ("franka_panda", "kinova_gen2", "kinova_gen3")
+    reachable_by = CHAIR_ROBOTS - {"stretch_re1"} | {"stretch_re1_dex"}
     least_success = 90
     Options = ScratchingOptions
     options: ScratchingOptions

@@ -26,6 +26,7 @@ from ..scenes.dental_arch import BRISTLES, CROWN, QUADRANTS, MouthInside
 from ..scenes.meal import Meal, MealOptions
 from ..scenes.refusal import RefusalOptions, refusal_seen
 from ..state import Seen, State, Values, tolerance
+from ..task import CHAIR_ROBOTS
 
 Hold = tuple[float, float]
 
@@ -81,7 +82,7 @@ class ToothBrushing(Meal):
     """
 
     room_kinds = ("bathroom", "bedroom", "living", "lounge", "kitchen")
-    reachable_by = ("fetch", "franka_panda", "kinova_gen2", "kinova_gen3", "stretch_re1_dex", "ur5")
+    reachable_by = CHAIR_ROBOTS - {"stretch_re1"} | {"stretch_re1_dex"}
     least_success = 90
     engines = ("bullet",)  # the rigid face lets the brush in during an episode
     time_limit = 60.0
