@@ -20,6 +20,7 @@ from rcare_marl.envs.task import Role
 from rcare_marl.errors import ConfigError
 
 HOME = "house_08"  # its doors have room for a wheelchair even at level 1
+ROOMY = {"group_coaching": "house_03"}  # house_08 has no floor for a class at level 1
 TASKS = rcare_marl.task_names()
 ROBOTS = assets.names("robots")
 PEOPLE = ("daniel", "jose", "karan", "kim", "morgan", "natalia")
@@ -107,7 +108,7 @@ def test_a_task_at_a_fixture_keeps_the_promises_at_every_level(task: str, level:
 @pytest.mark.parametrize("level", LEVELS)
 @pytest.mark.parametrize("task", TASKS)
 def test_a_task_in_a_home_keeps_the_promises_at_every_level(task: str, level: int) -> None:
-    check(task, home=HOME, level=level)
+    check(task, home=ROOMY.get(task, HOME), level=level)
 
 
 def test_tasks_name_robots_that_there_are() -> None:

@@ -65,7 +65,7 @@ def kim() -> Iterator[CareEnv]:
 def held(env: CareEnv) -> None:
     """Run a session and hold it to what every session keeps."""
     task, shown = task_of(env), []
-    env.reset(seed=2)
+    env.reset(seed=3)
     while not env.is_over:
         env.step({})
         shown.append(task.session.index)
