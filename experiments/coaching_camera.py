@@ -25,7 +25,7 @@ from rcare_marl.agents.coaching.exercise import Exercise, load_exercises
 from rcare_marl.agents.coaching.imitation import Imitation
 from rcare_marl.agents.coaching.recognition.recogniser import Frame, Repetition
 from rcare_marl.agents.coaching.recognition.rule_recogniser import RuleRecogniser
-from rcare_marl.agents.coaching.sources.band_tracker import BandPose, Layout
+from rcare_marl.agents.coaching.sources.band_pose import BandPose, Layout
 from rcare_marl.agents.coaching.sources.camera_source import CameraReading, CameraSource, resting
 from rcare_marl.agents.coaching.sources.joints_source import TO_BODY
 from rcare_marl.agents.coaching.sources.marker_band import SEGMENTS, band_set

@@ -16,7 +16,7 @@ from rcare_marl.agents.coaching.exercise import Exercise, exercise_names, load_e
 from rcare_marl.agents.coaching.imitation import Imitation
 from rcare_marl.agents.coaching.recognition.recogniser import Frame, Repetition
 from rcare_marl.agents.coaching.recognition.rule_recogniser import RuleRecogniser
-from rcare_marl.agents.coaching.sources.band_tracker import BandPose, Layout
+from rcare_marl.agents.coaching.sources.band_pose import BandPose, Layout
 from rcare_marl.agents.coaching.sources.camera_source import (
     CameraReading,
     CameraSource,
@@ -188,6 +188,16 @@ def test_nothing_is_told_without_a_calibration_or_for_a_frame_out_of_order() -> 
     source = calibrated(wearer)
     assert source.follow(wearer.seen(resting()), CAMERA, 2.0) is not None
     assert source.follow(wearer.seen(resting()), CAMERA, 1.5) is None
+
+
+def test_shoulders_move_with_the_arms_as_those_of_the_upper_body_do() -> None:
+    body, rng = UpperBody.of_height(1.7), np.random.default_rng(2)
+    pose = BandPose.of(Layout(band_set()), body, 1.7)
+    for angles in rng.uniform(-0.3, 1.6, (20, 16)):
+        pose.set_angles(angles)
+        origins, points = pose.frames()[1], body.points(angles)
+        ends = [points[f"{side}_{part}"] for part in ("shoulder", "elbow") for side in SIDES]
+        assert origins[2:] == pytest.approx(np.array(ends), abs=1e-9)
 
 
 def test_derivatives_are_those_of_the_places() -> None:

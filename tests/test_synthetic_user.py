@@ -252,6 +252,6 @@ def test_nothing_evaluated_is_no_share() -> None:
 @pytest.mark.slow
 def test_joint_angles_and_hands_of_a_few_people_are_recognised() -> None:
     for source in ("joints", "hands"):
-        found = evaluate_coach(source=source, users=2, seed=11, split="development")
+        found = evaluate_coach(source=source, users=4, seed=11, split="development")
         assert found.right_recognised > 0.95 and found.wrong_detected > 0.95
         assert found.latency()["median_s"] < 0.3
