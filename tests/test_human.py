@@ -350,7 +350,7 @@ def test_sixty_seconds_bring_no_drift_no_nan_and_no_energy(avatar: str, posture:
     assert np.isfinite(speeds).all()
     assert np.abs(np.array(human.positions) - human._start).max() < 0.02
     assert speeds[-10:].max() <= speeds[:10].max() + 1e-6
-    assert speeds.max() < 0.1  # at first: the reflex of Morgan's calves lowers her feet by half a degree
+    assert speeds.max() < 0.1  # the reflex of Morgan's calves lowers the feet by half a degree
 
 
 def test_a_hit_person_comes_to_rest_again() -> None:

@@ -38,8 +38,7 @@ STROKE = 0.01  # [m/s] along the teeth at least
 BRUSHED = 3.0  # [s] of strokes that clean a quadrant, in place of the 30 s that are advised
 # Of the arch's depth, behind the foremost tooth, where a brush is aimed at: the premolars.
 BACK = 0.42
-# [rad] by which the brush comes in from the other side, and by which it points up to either row of teeth: the
-# same however far the jaw is open, for a turn about the bristles does not matter to them.
+# [rad] that the brush comes in from the other side, and points up to the upper and to the lower teeth.
 YAW, PITCH, LOWER = math.radians(10), math.radians(12), math.radians(9)
 # Who looks aside or up at the brush would have it come from where no arm reaches: it comes no farther from
 # the side than this of a face at rest, but by the least from the other side, as it must between the lips
