@@ -263,6 +263,15 @@ def test_the_tired_rest_until_they_are_rested() -> None:
     assert lesson.go().act == "rest"
 
 
+def test_what_was_wrong_with_the_last_before_a_rest_is_said_as_it_begins() -> None:
+    lesson = Lesson("front_raise")
+    lesson.go(7.0)
+    lesson.session.fatigue = 0.7
+    lesson.told.finds("range", hint="Please go a little further.")
+    assert lesson.go().act == "rest"
+    assert lesson.body.said[-1] == "Please go a little further."
+
+
 def test_what_somebody_does_who_was_invited_to_rest_is_not_judged() -> None:
     lesson = Lesson()
     lesson.go(8.0)

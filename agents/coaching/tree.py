@@ -6,7 +6,7 @@ person has followed often enough.
     ? coach                       the first branch that does not fail, asked anew at every tick
     ├── → stop                    asked to stop: stands still, whatever was going on
     ├── → pause                   asked to pause: stands still
-    ├── → rest                    the person is tired: invites to rest
+    ├── → rest                    the person is tired: says how the last one was, and lets them rest
     └── → programme               for each exercise
         └── ? <exercise>
             ├── done              was followed often enough, or left
@@ -201,6 +201,7 @@ def coach_tree(session: Lesson, intent: Intent) -> Behaviour:
         return intent.rests or session.must_rest
 
     def rest() -> Status:
+        _tell(session, intent)
         intent.order = replace(intent.order, act="rest")
         return Status.RUNNING
 
@@ -262,12 +263,17 @@ def _demonstrate(session: Lesson, intent: Intent) -> Status:
     return Status.RUNNING
 
 
-def _observe(session: Lesson, intent: Intent) -> Status:
+def _tell(session: Lesson, intent: Intent) -> bool:
+    """Say how a repetition was that has just been finished; return whether one has."""
     found = session.judgement.finished
     if found is not None:
         intent.say("praise" if found.right else "hint")
         intent.reminded_at = np.inf if found.right else session.time
-    elif not session.is_speaking:
+    return found is not None
+
+
+def _observe(session: Lesson, intent: Intent) -> Status:
+    if not _tell(session, intent) and not session.is_speaking:
         forgets = session.time - intent.reminded_at > session.style.reminds_after
         if session.away_for > session.style.calls_after or (forgets and session.hint):
             intent.say("hint" if session.hint else "encourage")
