@@ -51,7 +51,6 @@ class RuleRecogniser:
         self._patience = exercise.duration + exercise.judged.patience_s
         self._restart()
         self._praised_until = -math.inf
-        self._last_seen: float | None = None
 
     def _restart(self) -> None:
         assert self._template is not None
