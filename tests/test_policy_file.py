@@ -15,6 +15,7 @@ from torch import nn, tensor
 import rcare_marl
 from rcare_marl.agents.agent import Array
 from rcare_marl.baselines import trained
+from rcare_marl.baselines.ensemble import mean_of
 from rcare_marl.baselines.evaluation.evaluate import evaluate, make_players
 from rcare_marl.baselines.policy_file import LearnedPolicy, PolicyFile
 from rcare_marl.envs.care_env import CareEnv
@@ -118,6 +119,47 @@ def test_rows_for_the_spread_do_not_change_the_action(env: CareEnv) -> None:
         LearnedPolicy(env, "robot", file).decide(seen),
         LearnedPolicy(env, "robot", both).decide(seen),
     )
+
+
+def test_the_mean_of_networks_does_the_mean_before_the_tanh(env: CareEnv, tmp_path: Path) -> None:
+    drawn = network(env)
+    weights, biases = drawn.layers[-1]  # smaller, where the tanh is not flat
+    first = dataclasses.replace(drawn, layers=(*drawn.layers[:-1], (np.float32(0.2) * weights, biases)))
+    rng = np.random.default_rng(1)
+    others = [
+        dataclasses.replace(
+            first,
+            layers=tuple((w[::-1].copy() * k, b + 0.1 * k) for w, b in first.layers[:-1])
+            + (first.layers[-1],),
+            mean=first.mean + np.float32(0.1),
+            scale=first.scale * np.float32(k),
+            training={"seed": k, "minutes": 1.5},
+        )
+        for k in (0.5, 2.0)
+    ]
+    together = mean_of([first, *others])
+    together.save(tmp_path / "mean.npz")
+    assert together.training["seed"] == [4, 0.5, 2.0] and together.training["minutes"] == 3.0
+    together = PolicyFile.read(tmp_path / "mean.npz")
+    for _ in range(5):
+        seen = rng.normal(0, 1, first.observation_size).astype(np.float32)
+        each = [LearnedPolicy(env, "robot", one).decide(seen) for one in (first, *others)]
+        wanted = np.tanh(np.mean([np.arctanh(own) for own in each], axis=0))
+        found = LearnedPolicy(env, "robot", together).decide(seen)
+        assert np.ptp(each, axis=0).max() > 0.1
+        assert found == pytest.approx(wanted, abs=1e-5)
+
+
+def test_networks_that_differ_have_no_mean(env: CareEnv) -> None:
+    first = network(env)
+    with pytest.raises(ConfigError, match="two policies or more, got 1"):
+        mean_of([first])
+    with pytest.raises(ConfigError, match="policy 2 differs from the first: task, hold"):
+        mean_of([first, dataclasses.replace(first, task="drinking", hold=2)])
+    with pytest.raises(ConfigError, match="number of layers"):
+        single = (np.zeros((first.action_size, first.observation_size), np.float32),)
+        flat = ((single[0], np.zeros(first.action_size, np.float32)),)
+        mean_of([first, dataclasses.replace(first, layers=flat)])
 
 
 def test_a_policy_acts_on_what_its_role_observes(env: CareEnv) -> None:
