@@ -124,7 +124,9 @@ def test_rows_for_the_spread_do_not_change_the_action(env: CareEnv) -> None:
 def test_the_mean_of_networks_does_the_mean_before_the_tanh(env: CareEnv, tmp_path: Path) -> None:
     drawn = network(env)
     weights, biases = drawn.layers[-1]  # smaller, where the tanh is not flat
-    first = dataclasses.replace(drawn, layers=(*drawn.layers[:-1], (np.float32(0.2) * weights, biases)))
+    first = dataclasses.replace(
+        drawn, layers=(*drawn.layers[:-1], (np.float32(0.2) * weights, biases))
+    )
     rng = np.random.default_rng(1)
     others = [
         dataclasses.replace(

@@ -63,7 +63,7 @@ KEPT, FULL = 0.03, 0.04
 # [rad] of the wrist above the elbow: to which it is lifted, and so level that it is let go.
 PITCH, LEVELLED = 0.5, 0.1
 ENOUGH = 0.02  # [m] farther back than SWAYED, from where it is not lifted higher
-RISE = 0.03  # [m] of the elbow over its place, while the forearm is lifted
+RISE = 0.038  # [m] of the elbow over its place, while the forearm is lifted
 RISING = 0.008  # [m] that the elbow is led up, while a level forearm is too low
 CLEAR = 0.04  # [m] of the wrist over its place, before it goes over the armrest; over it, less
 ROOM = 0.01  # [m] between plate, or hand, and armrest
@@ -91,6 +91,7 @@ HAND_AHEAD, SLIP = 0.5, 0.015
 # [m] that an arm would come to lie behind its place, from where the plate takes it ahead, and how far.
 BEHIND, TAKEN = 0.03, 0.04
 CENTRED = 0.01  # [m] from its place across the pad, where it may be let go
+INSIDE = 0.006  # [m] of its place, where it is let go: the plate takes it out with it
 OVER = 0.035  # [m] from there, where the armrest is below it still
 FINGERS = ("index", "middle", "ring", "pinky", "thumb")
 HAND = ("left_wrist", *(f"left_{name}{k}" for name in FINGERS for k in (1, 2, 3)))
@@ -308,7 +309,9 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         """
         state = self._task.state
         hand = state.wrist + HAND_AHEAD * (state.wrist - state.elbow)
-        return max(float(state.gap[1]), min(float(state.target[1] - hand[1]), under + SLIP))
+        return max(
+            float(state.gap[1]) - INSIDE, min(float(state.target[1] - hand[1]), under + SLIP)
+        )
 
     def _is_over_pad(self) -> bool:
         """Return whether the plate has brought the forearm over the pad, neither too far out nor in."""
