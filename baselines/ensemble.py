@@ -16,7 +16,7 @@ from rcare_marl.errors import ConfigError
 from .policy_file import PolicyFile, Weights
 
 ALIKE = tuple(
-    "task group roles observed action_size action_low residual hold actions view memory flags".split()
+    "task group roles observed action_size action_low residual hold actions recipe view memory flags".split()
 )
 
 

@@ -149,6 +149,11 @@ def test_the_plate_lies_under_a_level_forearm_and_behind_one_that_hangs() -> Non
         assert rotate(turn, (0.0, 0.0, 1.0))[1] < -0.9  # the tip points inwards
 
 
+def test_a_plate_that_is_drawn_out_does_not_take_the_arm_along() -> None:
+    with closing(rcare_marl.make("limb_repositioning", recipient="morgan", policies=BOTH)) as env:
+        assert run(env, 93090).succeeded()  # let go right in its place it falls off the armrest
+
+
 FOREARM = """<robot name="forearm"><link name="forearm">
 <inertial><mass value="1"/><inertia ixx="1e-3" iyy="1e-3" izz="1e-3" ixy="0" ixz="0" iyz="0"/></inertial>
 <collision><geometry><capsule radius="0.04" length="0.2"/></geometry></collision></link></robot>"""
