@@ -89,7 +89,7 @@ AFLOAT = 0.045  # [m] over or below its place, of one whose hand lies on the thi
 # the forearm beyond the wrist, is let go over the pad's middle; the plate goes out under it by SLIP [m].
 HAND_AHEAD, SLIP = 0.5, 0.015
 # [m] that an arm would come to lie behind its place, from where the plate takes it ahead, and how far.
-BEHIND, TAKEN = 0.03, 0.04
+BEHIND, TAKEN = 0.0, 0.08
 CENTRED = 0.01  # [m] from its place across the pad, where it may be let go
 INSIDE = 0.006  # [m] of its place, where it is let go: the plate takes it out with it
 OVER = 0.035  # [m] from there, where the armrest is below it still
