@@ -154,12 +154,6 @@ def test_a_plate_that_is_drawn_out_does_not_take_the_arm_along() -> None:
         assert run(env, 93090).succeeded()  # let go right in its place it falls off the armrest
 
 
-def test_an_arm_that_muscles_hold_behind_its_place_is_taken_ahead() -> None:
-    who = {"model": "population:train:9", "actuation": "muscle"}
-    with closing(rcare_marl.make("limb_repositioning", recipient=who, policies=BOTH)) as env:
-        assert run(env, 90009).succeeded()  # taken ahead late, and by 4 cm, it lies 9 cm behind
-
-
 FOREARM = """<robot name="forearm"><link name="forearm">
 <inertial><mass value="1"/><inertia ixx="1e-3" iyy="1e-3" izz="1e-3" ixy="0" ixz="0" iyz="0"/></inertial>
 <collision><geometry><capsule radius="0.04" length="0.2"/></geometry></collision></link></robot>"""

@@ -88,7 +88,8 @@ AFLOAT = 0.045  # [m] over or below its place, of one whose hand lies on the thi
 # Whose shoulder holds on, as by muscles, comes to lie with the hand on the thigh, unless the hand, so much of
 # the forearm beyond the wrist, is let go over the pad's middle; the plate goes out under it by SLIP [m].
 HAND_AHEAD, SLIP = 0.5, 0.015
-TAKEN = 0.08  # [m] that the plate takes an arm ahead, at most, that would come to lie behind its place
+# [m] that an arm would come to lie behind its place, from where the plate takes it ahead, and how far.
+BEHIND, TAKEN = 0.03, 0.04
 CENTRED = 0.01  # [m] from its place across the pad, where it may be let go
 INSIDE = 0.006  # [m] of its place, where it is let go: the plate takes it out with it
 OVER = 0.035  # [m] from there, where the armrest is below it still
@@ -296,9 +297,8 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         return self._over(seat, goal), turn, SLOW
 
     def _over(self, seat: Array, goal: Array) -> Array:
-        """Return where the plate goes to bring the forearm over its place, and ahead, until it lies [m]."""
-        lies = self._task.state.pad_force > LEAN  # by friction; the plate would only slide along it
-        ahead = 0.0 if lies else min(max(-self._lands(), 0.0), TAKEN)
+        """Return where the plate goes to bring the forearm over its place, and ahead if far behind [m]."""
+        ahead = min(max(-BEHIND - self._lands(), 0.0), TAKEN)
         return np.array((goal[0] + ahead, seat[1] + self._aside(float(goal[1] - seat[1])), goal[2]))
 
     def _aside(self, under: float) -> float:
