@@ -15,6 +15,7 @@ from episode import assert_same, play, rollout
 from standing_person import CONTROL_DT, person_in
 
 import rcare_marl
+from rcare_marl.agents.people.actuation.muscular import LIGAMENT_ZONE
 from rcare_marl.agents.people.behaviour.leg_lifting import LegLifting
 from rcare_marl.agents.people.body.skeleton import JOINT_INDEX
 from rcare_marl.agents.people.motion.caregiving import Caregiving
@@ -156,6 +157,34 @@ def test_who_cannot_bend_the_hip_far_is_not_jammed_between_it_and(number: int, b
     borne = sum(c.force for c in env.world.contacts(task.recipient.body))
     assert borne < 300.0, f"pressed against {by} with {borne:.0f} N"
     env.close()
+
+
+def test_who_is_driven_by_muscles_is_seated_where_no_ligament_of_the_hip_is_taut() -> None:
+    # Kim's hip ends at 95°: there, ligaments pressed the foot on its plate harder than anybody lifts it.
+    with closing(
+        rcare_marl.make("dressing", recipient={"model": "kim", "actuation": "muscle"})
+    ) as env:
+        env.reset(seed=0)
+        leg, person = task_of(env).leg, task_of(env).recipient
+        assert leg.rest["right_hip_flexion"] <= person.passive[0, 1] - LIGAMENT_ZONE + 1e-3
+        gravity = np.array((0.0, 0.0, -9.81))
+        hip = person.drive.torques(list(person.positions), [0.0, 0.0], gravity)[0]
+        assert abs(hip) < 60.0, f"pressed with {hip:.0f} N·m"
+
+
+def test_the_caregiver_kneels_before_where_a_foot_stands_that_has_slid_back() -> None:
+    with closing(rcare_marl.make("dressing", policies=ALL)) as env:
+        env.reset(seed=0)
+        task = task_of(env)
+        bent = task.leg.rest["right_knee_flexion"] + math.radians(12)
+        task.recipient.set_angles({"right_knee_flexion": bent})
+        legs = task.caregiver.legs
+        assert legs is not None
+        while legs.kneeling["left"] < 1.0 and not env.is_over:
+            env.step({})
+        slid = float((task.leg.foot_hold() - task.leg.stood)[0])
+        assert slid < -0.04
+        assert legs.station.x == pytest.approx(task.stand[0] + slid, abs=0.02)
 
 
 @pytest.mark.slow

@@ -47,6 +47,7 @@ class Human(Agent):
     Attributes:
         avatar: Who it is.
         posture: How the person starts.
+        actuation: How the joints are driven.
         movable: The DoFs that move, proximal first; all others are fixed in the posture.
         active: Active limits of the movable DoFs [rad], shape [n, 2].
         passive: Their passive limits [rad], shape [n, 2].
@@ -101,9 +102,9 @@ class Human(Agent):
         self.name, self.avatar, self.posture = name, avatar, posture.borne(avatar.bearing)
         self.movable = expand_movable(movable)
         self._fixed_base = fixed_base
-        self._actuation = actuation or ActuationConfig()
-        by_muscle = self._actuation.kind == "muscle"
-        is_excited = by_muscle and self._actuation.excitation in ("unit", "group")
+        self.actuation = actuation or ActuationConfig()
+        by_muscle = self.actuation.kind == "muscle"
+        is_excited = by_muscle and self.actuation.excitation in ("unit", "group")
         if self.moves and is_excited:
             raise ConfigError(
                 f"{name!r} is to {', '.join(self.moves)}, which takes action values from -1 on: with "
@@ -257,7 +258,7 @@ class Human(Agent):
         return make_drive(
             self.avatar,
             chain,
-            self._actuation,
+            self.actuation,
             lying=self.posture,
             posture=self._start,
             limits=np.column_stack((self._lowest, self._highest)),
@@ -480,7 +481,7 @@ class Human(Agent):
         return {
             "avatar": self.avatar.name,
             "condition": self.avatar.condition,
-            "actuation": f"{self._actuation.description}, strength {self._actuation.strength}",
+            "actuation": f"{self.actuation.description}, strength {self.actuation.strength}",
             "posture": self.posture.description,
             "movable": f"{len(self.movable)} of {len(DOFS)} degrees of freedom",
         }

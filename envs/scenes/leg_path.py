@@ -9,6 +9,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 import numpy.typing as npt
 
+from rcare_marl.agents.people.actuation.muscular import LIGAMENT_ZONE
 from rcare_marl.agents.people.avatar import seated
 from rcare_marl.agents.people.body.posture import calf_back, soles
 from rcare_marl.agents.people.body.skeleton import JOINT_INDEX, SIDES
@@ -33,6 +34,7 @@ STIFF_DEG = 3.0  # [deg] that a hip bends less than in the posture, from where t
 BACK = 0.03  # [m] that such a plate is farther back, so that the heel stands on it
 CLEAR = 0.005  # [m] from such a foot to its plate, and from a thigh to a cushion that gave way
 FOOT_HOLD = 0.07  # [m] from the ankle to the toes, where it is grasped
+SLID = 0.02  # [m] over the floor from which on a foot stands elsewhere
 
 
 class LegPath:
@@ -177,6 +179,14 @@ class LiftableLeg(LegPath):
         toes, ankle = self.points[:2]
         return np.asarray(ankle + FOOT_HOLD * (toes - ankle) / np.linalg.norm(toes - ankle))
 
+    def slid(self) -> Array:
+        """Return how far over the floor the foot stands from where it did [m], shape [2].
+
+        One that trembles slides back on its plate. Zero below `SLID`.
+        """
+        way = (self.foot_hold() - self.stood)[:2]
+        return way if np.linalg.norm(way) > SLID else np.zeros(2)
+
     def to_lifted(self) -> Array:
         """Return the way from the ankle to where it is when the leg is up [m], shape [3]."""
         return np.subtract(self.way[-1].position, self.points[1])
@@ -188,6 +198,9 @@ def fit_chair(chair: Wheelchair, person: Human, side: str) -> dict[str, Array]:
     Who cannot bend a hip as far as the posture has it has that foot farther ahead, as on legrests that are
     raised: the shank leans as much as everybody's. Under a steeper one the plate, which rises ahead, jams
     the foot against the hip's limit, and does so for a millimetre: so it stays clear of the sole.
+
+    Who is driven by muscles sits where no ligament of the hip is taut: that would press the foot on its plate
+    harder than anybody lifts it.
 
     Args:
         chair: The chair, not spawned yet.
@@ -201,7 +214,10 @@ def fit_chair(chair: Wheelchair, person: Human, side: str) -> dict[str, Array]:
     angles, limits = person.posture.angles_deg, person.avatar.profile.limits("passive")
     for foot in SIDES:
         hip, knee = (angles.get(f"{foot}_{d}", angles.get(d, 0.0)) for d in BENT)
-        short = hip - math.degrees(limits[f"{foot}_hip_flexion"][1])
+        most = math.degrees(limits[f"{foot}_hip_flexion"][1])
+        if person.actuation.kind == "muscle" and hip > (most := most - math.degrees(LIGAMENT_ZONE)):
+            held[f"{foot}_hip_flexion"] = most
+        short = hip - most
         if short > STIFF_DEG:
             stiff.append(foot)
             held[f"{foot}_knee_flexion"] = knee - short

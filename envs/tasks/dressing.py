@@ -327,8 +327,8 @@ def lifts(env: CareEnv, role: str) -> LegLifting:
     lift = LegLift(
         person=task.recipient,
         part=f"{task.side}_ankle",
-        stand=task.stand,
-        corners=lambda: way_of(task.caregiver, task.stand[:2]),
+        stand=lambda: np.add(task.stand, (*task.leg.slid(), 0.0)),
+        corners=lambda to: way_of(task.caregiver, to),
         knee=side,
         before=lambda: task.leg.foot_hold() + (0.12, 3 * BESIDE * out, 0.05),
         grip=lambda: task.leg.foot_hold() + (0.0, BESIDE * out, 0.0),

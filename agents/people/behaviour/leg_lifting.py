@@ -34,8 +34,8 @@ class LegLift:
     Attributes:
         person: Whose leg it is.
         part: SMPL-X joint of the segment that is grasped, such as `right_knee` for the shank.
-        stand: Where the caregiver goes: x, y on the floor [m] and heading [rad].
-        corners: Returns the corners of the way from where the caregiver is to there [m].
+        stand: Returns where she kneels down, by where the leg is now: x, y [m] and heading [rad], shape [3].
+        corners: Returns the corners of the way from where she is to a place on the floor [m].
         knee: The caregiver's knee that goes to the floor.
         before: Returns where the hand goes first, clear of the leg [m], shape [3].
         grip: Returns where the hand grasps [m], shape [3].
@@ -47,8 +47,8 @@ class LegLift:
 
     person: Human
     part: str
-    stand: tuple[float, float, float]
-    corners: Callable[[], Sequence[tuple[float, float]]]
+    stand: Callable[[], Array]
+    corners: Callable[[tuple[float, float]], Sequence[tuple[float, float]]]
     knee: str
     before: Callable[[], Array]
     grip: Callable[[], Array]
@@ -97,6 +97,14 @@ class LegLifting(BehaviourTree):
         way: list[Array] = []  # of the hand, from where it took the leg
         tries = 0
 
+        def corners() -> Sequence[tuple[float, float]]:
+            x, y, _ = lift.stand().tolist()
+            return lift.corners((x, y))
+
+        def walk(do: Caregiving) -> None:
+            for _ in range(2):  # by then the foot may stand elsewhere than when she looked last
+                do.walk_along(corners, float(lift.stand()[2]))
+
         def kneel(do: Caregiving) -> None:
             nonlocal tries
             tries = 0
@@ -140,7 +148,7 @@ class LegLifting(BehaviourTree):
             "lift the leg",
             memory=True,
             children=[
-                leaf("walk up", lambda do: do.walk_along(lift.corners, lift.stand[2])),
+                leaf("walk up", walk),
                 leaf("kneel", kneel),
                 decorators.Retry("try", leaf("grasp the ankle", grasp), TRIES),
                 decorators.FailureIsSuccess("as far as it goes", leaf("raise the leg", raise_leg)),
