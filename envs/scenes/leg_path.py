@@ -215,8 +215,9 @@ def fit_chair(chair: Wheelchair, person: Human, side: str) -> dict[str, Array]:
     for foot in SIDES:
         hip, knee = (angles.get(f"{foot}_{d}", angles.get(d, 0.0)) for d in BENT)
         most = math.degrees(limits[f"{foot}_hip_flexion"][1])
-        if person.actuation.kind == "muscle" and hip > (most := most - math.degrees(LIGAMENT_ZONE)):
-            held[f"{foot}_hip_flexion"] = most
+        if person.actuation.kind == "muscle":
+            most -= math.degrees(LIGAMENT_ZONE)
+            held[f"{foot}_hip_flexion"] = min(hip, most)
         short = hip - most
         if short > STIFF_DEG:
             stiff.append(foot)
