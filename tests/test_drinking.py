@@ -73,6 +73,18 @@ def test_the_scripted_robot_gives_karan_to_drink(scripted: CareEnv, seed: int) -
     assert metrics["tilt_deg"] > 60.0
 
 
+def test_the_gentle_script_gives_to_drink_without_touching_who_the_scripted_one_presses() -> None:
+    peaks = []
+    for robot in ("scripted", "gentle"):
+        policies = {**BOTH, "robot": robot}
+        env = rcare_marl.make("drinking", recipient="population:train:748", policies=policies)
+        task = run(env, 90801)
+        env.close()
+        assert task.succeeded()
+        peaks.append(task.state.peak_force)
+    assert peaks[0] > 2.0 and peaks[1] < 0.5
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("avatar", assets.names("avatars"))
 def test_every_avatar_can_be_given_to_drink(avatar: str) -> None:

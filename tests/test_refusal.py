@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from variants import few
 
 import rcare_marl
 from rcare_marl.agents.people.human import Human
+from rcare_marl.baselines.scripted.offering import Offering
 from rcare_marl.envs.care_env import CareEnv
 from rcare_marl.envs.episode import EpisodeRecorder, replay
 from rcare_marl.envs.scenes.refusal import GENTLE, LAST_NO, Refusal, turns_away
@@ -38,6 +40,28 @@ def test_who_refuses_from_the_start_is_offered_three_times_and_then_left_alone(t
     assert env.task.succeeded() and report["refusals"] == LAST_NO
     assert report["pressed_after_no_n"] <= GENTLE
     env.close()
+
+
+def test_the_gentle_cup_is_offered_again_once_it_is_back_however_long_that_takes() -> None:
+    offering, far, near = Offering(), True, False
+    said_no = step(step(Refusal()), says_no=True)
+    assert offering.once_back(Refusal(), near)
+    assert not offering.once_back(said_no, far)  # the no stands
+    taken_away = step(said_no, is_offered=False, is_away=True)
+    assert not any(offering.once_back(taken_away, near) for _ in range(100))
+    assert offering.once_back(taken_away, far)
+    assert offering.once_back(taken_away, near)  # on its way again
+    final = dataclasses.replace(taken_away, count=LAST_NO)
+    assert not offering.once_back(final, far)
+
+
+def test_who_refuses_a_gentle_cup_is_offered_it_three_times() -> None:
+    env = rcare_marl.make("drinking", policies={"robot": "gentle", "recipient": "refusing"})
+    play(env, 0)
+    report = env.task.report()
+    env.close()
+    assert env.task.succeeded() and report["refusals"] == LAST_NO
+    assert report["pressed_after_no_n"] <= GENTLE
 
 
 @pytest.mark.parametrize("task", few(TASKS, "feeding", "bathing"))

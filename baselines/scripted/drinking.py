@@ -24,7 +24,6 @@ GAIN, TURN_GAIN = 2.5, 2.5  # [1/s]
 FAST, SLOW = 0.16, 0.05  # [m/s] far from the mouth, and near it
 NEAR = 0.12  # [m]
 ACCELERATION = 0.5  # [m/s²] that keeps the water in the cup
-AT_LIPS = (0.006, -0.014)  # [m] of the rim from the mouth, ahead and up, while it pours
 ARRIVED = 0.012  # [m] from there, before the cup is tilted to drink
 LEANING = math.radians(28)  # tilt with which it comes: the bottom stays clear of the chin
 # [N] from which a chest is in the way of the bottom; tilt with which that is lifted off it, short of pouring,
@@ -35,25 +34,29 @@ TILT_RATE = 0.35  # [rad/s]
 LAST = math.radians(92)  # farther the cup is not tilted
 ASK = 0.20  # [m] from mouth to rim, where it is offered to who just said no
 CLEAR = 0.03  # [m] beyond where it counts as taken away
+BACK = TAKEN_AWAY + 0.015  # [m] from the mouth, from where a gentle robot offers again
 HASTE = 1.5  # [m/s²] back from who said no
 UPRIGHT_RATE = 1.0  # [rad/s] at which it is set upright then
 
 
 @register_policy("drinking", "robot", "scripted")
 class ScriptedDrinking(ToolScript[Drinking]):
-    """Brings the cup to the lips, waits until they open, and tilts it; sees everything."""
+    """Brings the cup to the lips, waits until they open, and tilts it; sees everything.
+
+    Attributes:
+        AT_LIPS: Where the rim is from the mouth while it pours, ahead and up [m].
+    """
 
     KIND = Drinking
+    AT_LIPS = (0.006, -0.014)
 
     def _begin(self) -> None:
         self._velocity, self._offering = np.zeros(3), Offering()
 
     def act(self) -> Array:
         task, seen = self._task, self._task.state
-        offers = self._offering.goes_on(seen.refusal, seen.time)
-        ahead, up = AT_LIPS
-        # Nobody who turns away is chased.
-        lips = seen.mouth_faced + ahead * seen.ahead_faced + (0.0, 0.0, up)
+        lips = self._lips()
+        offers = self._offers()
         is_open = offers and not seen.refusal.is_no and seen.jaw >= OPEN_MOUTH
         away = WAIT_IN_FRONT if offers else TAKEN_AWAY + CLEAR
         goal = lips if is_open else lips + away * seen.ahead_faced
@@ -79,5 +82,30 @@ class ScriptedDrinking(ToolScript[Drinking]):
         turn = turning(wanted, seen.turn, TURN_GAIN)
         return self._about(seen.rim, self._velocity, turn)  # so that turning does not move the rim
 
+    def _lips(self) -> Array:
+        """Return where the rim goes to pour [m], shape [3]: nobody who turns away is chased."""
+        ahead, up = self.AT_LIPS
+        seen = self._task.state
+        return seen.mouth_faced + ahead * seen.ahead_faced + (0.0, 0.0, up)
+
+    def _offers(self) -> bool:
+        """Return whether to offer now."""
+        seen = self._task.state
+        return self._offering.goes_on(seen.refusal, seen.time)
+
     def memory(self) -> tuple[Sequence[object], Array]:
         return (self._offering.is_on,), self._velocity / FAST
+
+
+@register_policy("drinking", "robot", "gentle")
+class GentleDrinking(ScriptedDrinking):
+    """As `scripted`, but pours from farther off, and offers again by where the cup is, not by the time.
+
+    So the far side of a cup that is nearly empty touches no nose, and who imitates it need not count.
+    """
+
+    AT_LIPS = (0.014, -0.014)
+
+    def _offers(self) -> bool:
+        seen = self._task.state
+        return self._offering.once_back(seen.refusal, seen.distance > BACK)

@@ -34,3 +34,16 @@ class Offering:
             self._from = time + PAUSE
         self.is_on = time >= self._from
         return self.is_on
+
+    def once_back(self, refusal: Refusal, is_back: bool) -> bool:
+        """Return whether to offer now, by where the offer is in place of the time: that can be seen.
+
+        Args:
+            refusal: What was refused until now.
+            is_back: Whether what was refused has been taken back far enough to be offered again.
+        """
+        if refusal.is_final or refusal.stands:
+            self.is_on = False
+        elif is_back:
+            self.is_on = True
+        return self.is_on
