@@ -61,12 +61,14 @@ class Reach:
         base: Pose of the robot's root.
         posture: Of the main arm at the start [rad or m], shape [n].
         manipulability: The least on the way, see `manipulability`.
+        room: The least that a joint is from its limits on the way [rad or m].
     """
 
     trial: Trial
     base: Pose
     posture: Array
     manipulability: float
+    room: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,6 +89,8 @@ class ReachSearch:
         crowding: What a pose costs as the robot stands there, 0 or more.
         rests: Whether the arm prefers the posture of its start on the way.
         roams: Whether other places are tried than those of the trials, if nothing there will do.
+        room: How far joints are to be from their limits on the way [rad or m]: if what was found at the places
+            of the trials is nearer, another trial there is taken that is not, if there is one.
     """
 
     world: World
@@ -101,6 +105,7 @@ class ReachSearch:
     crowding: Callable[[], float] | None = None
     rests: bool = False
     roams: bool = True
+    room: float = 0.0
 
     def find(self, trials: Iterable[Trial], what: str) -> Reach:
         """Return the best start; the robot is put to its base and keeps its posture.
@@ -117,6 +122,9 @@ class ReachSearch:
         misses: list[IkResult] = []
         try:
             found = self._best(trials, misses, home, is_first=self.cost is None)
+            if found is not None and found.room < self.room:
+                roomy = self._best(trials, [], home, is_first=self.cost is None, room=self.room)
+                found = roomy or found
             if found is None:
                 robot.set_posture(home)
                 moved = self._moved(trials, stood)
@@ -165,12 +173,20 @@ class ReachSearch:
         return self._tried(start, [], home) is not None
 
     def _best(
-        self, trials: Iterable[Trial], misses: list[IkResult], home: Array, *, is_first: bool
+        self,
+        trials: Iterable[Trial],
+        misses: list[IkResult],
+        home: Array,
+        *,
+        is_first: bool,
+        room: float = 0.0,
     ) -> Reach | None:
         best: tuple[float, Reach] | None = None
         for trial in trials:
             found = self._tried(trial, misses, home, math.inf if best is None else best[0])
-            if found is not None and (best is None or found[0] < best[0]):
+            if found is None or found[1].room < room:
+                continue
+            if best is None or found[0] < best[0]:
                 best = found
                 if is_first:
                     break
@@ -217,7 +233,9 @@ class ReachSearch:
         least = min(manipulability(robot, posture) for posture in postures)
         if not self.all_the_way and not self._is_clear(postures[0]):
             return None
-        reach = Reach(trial, base, postures[0], least)
+        arm = robot.arm
+        room = min(float(np.minimum(q - arm.lower, arm.upper - q).min()) for q in postures)
+        reach = Reach(trial, base, postures[0], least, room)
         return (-least if self.cost is None else cost), reach
 
     def _is_clear(self, posture: Array) -> bool:

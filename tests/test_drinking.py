@@ -85,6 +85,14 @@ def test_the_gentle_script_gives_to_drink_without_touching_who_the_scripted_one_
     assert peaks[0] > 2.0 and peaks[1] < 0.5
 
 
+def test_a_panda_holds_the_cup_where_its_wrist_can_still_turn_at_the_lips() -> None:
+    policies = {**BOTH, "robot": "gentle"}
+    recipient = "population:train:825"
+    env = rcare_marl.make("drinking", robot="franka_panda", recipient=recipient, policies=policies)
+    assert run(env, 90423).succeeded()
+    env.close()
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("avatar", assets.names("avatars"))
 def test_every_avatar_can_be_given_to_drink(avatar: str) -> None:

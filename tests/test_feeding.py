@@ -60,6 +60,13 @@ def test_the_robot_can_be_mounted_on_either_side(mount: str) -> None:
     env.close()
 
 
+def test_who_lets_it_happen_with_the_head_turned_away_from_the_arm_is_reached_and_fed() -> None:
+    recipient = "population:train:708"
+    policies = {"robot": "scripted", "recipient": "passive"}
+    with closing(rcare_marl.make("feeding", recipient=recipient, policies=policies)) as env:
+        assert run(env, 90758).succeeded()
+
+
 def test_a_closed_mouth_is_never_fed() -> None:
     env = rcare_marl.make("feeding", policies={"robot": "scripted", "recipient": "still"})
     task = run(env, 0)

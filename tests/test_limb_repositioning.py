@@ -139,6 +139,15 @@ def test_a_robot_without_reach_says_so() -> None:
         rcare_marl.make("limb_repositioning", robot="nao")
 
 
+def test_a_pr2_stands_where_its_elbow_stays_bent_while_it_lays_the_arm() -> None:
+    policies = {**BOTH, "robot": "scripted_anyway"}
+    env = rcare_marl.make("limb_repositioning", recipient="karan", robot="pr2", policies=policies)
+    task = run(env, 90951)
+    env.close()
+    assert task.succeeded()
+    assert task.state.peak_force < 45.0
+
+
 def test_the_plate_lies_under_a_level_forearm_and_behind_one_that_hangs() -> None:
     cradle, elbow = ArmCradle(), np.array((-0.1, 0.3, 0.8))
     for along, out in (((1.0, 0.0, 0.0), 2), ((0.0, 0.0, -1.0), 0)):

@@ -65,6 +65,28 @@ def test_the_first_trial_that_will_do_is_taken_and_the_robot_keeps_its_posture()
     env.close()
 
 
+def test_a_start_that_leaves_joints_room_comes_before_one_at_their_limits() -> None:
+    env = rcare_marl.make("feeding", policies={"recipient": "still"})
+    robot = env.cast["robot"]
+    assert isinstance(robot, Robot)
+    free, stuck = robot.arm.positions(), robot.arm.positions()
+    stuck[5] = robot.arm.lower[5]
+    here = robot.tool_pose()
+    robot.set_posture(stuck)
+    there = robot.tool_pose()
+    robot.set_posture(free)
+    at_limit, roomy = Trial([there], seed=stuck, hold=0), Trial([here], seed=free, hold=1)
+    for room, trials, hold in (
+        (0.0, [at_limit, roomy], 0),
+        (0.1, [at_limit, roomy], 1),
+        (0.1, [at_limit], 0),
+    ):
+        found = env.task.search(env.world, room=room).find(trials, "it")
+        assert found.trial.hold == hold
+        assert (found.room > 0.1) == bool(hold)
+    env.close()
+
+
 def test_a_place_inside_a_person_is_refused_as_such() -> None:
     env = rcare_marl.make("feeding", policies={"recipient": "still"})
     recipient = env.cast["recipient"]

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
+import math
 
 import numpy as np
 
@@ -29,6 +30,8 @@ from .tool_script import Detour, ToolScript, limited, turning, unit
 WAIT_IN_FRONT = 0.09  # [m] from mouth to bowl while the mouth is closed
 ASK = 0.20  # [m] from mouth to bowl, where it is offered to who just said no
 CLEAR = 0.03  # [m] beyond where the spoon is filled, or was taken away
+BACK = TAKEN_AWAY + 0.015  # [m] from the mouth, from where it offers again
+FACING = 0.5  # of the turn of a face off the chair's own way: with all of it an arm does not reach some
 GAIN, TURN_GAIN = 2.5, 2.5  # [1/s]
 FAST, SLOW = 0.20, 0.06  # [m/s] far from the mouth, and near it
 NEAR = 0.12  # [m]
@@ -59,11 +62,11 @@ class ScriptedFeeding(ToolScript[Feeding]):
 
     def act(self) -> Array:
         task, seen = self._task, self._seen()
-        offers = self._offering.goes_on(seen.refusal, seen.time)
+        offers = self._offering.once_back(seen.refusal, seen.distance > BACK)
         if self._mouth is None or (offers and not seen.refusal.turned):  # nobody is chased
             self._mouth, self._face = seen.mouth, seen.face
-        level = self._face * (1.0, 1.0, 0.0)
-        level /= np.linalg.norm(level)
+        turned = FACING * math.atan2(self._face[1], self._face[0])
+        level = np.array((math.cos(turned), math.sin(turned), 0.0))
         goes_in = seen.jaw > OPEN_MOUTH and seen.mouthful.is_ready
         away = 0.0 if goes_in else WAIT_IN_FRONT
         if seen.eaten == FOOD_COUNT:

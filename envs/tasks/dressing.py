@@ -116,15 +116,15 @@ class Dressing(Task):
     def furnish(self, world: World) -> dict[str, Pose]:
         self.side = self._moving_side()
         self.outward = -1.0 if self.side == "right" else 1.0
-        mount = self.robot.mount_named(f"wheelchair_{self.side}")
-        self.chair = chair_for(mount, self.side)
+        side = f"wheelchair_{self.side}"  # whence some robots do not reach the leg
+        where = f"{side}_leg" if f"{side}_leg" in self.robot.config.mounts else side
+        self.chair = chair_for(self.robot.mount_named(where), self.side)
         self.chair.fit_armrests(ARMREST)
-        soles = fit_chair(self.chair, self.recipient, self.side)
+        x, y, _ = fit_chair(self.chair, self.recipient, self.side)[self.side].tolist()
         self.chair.spawn(world).set_friction([-1], lateral=PLATE_FRICTION)
-        x, y, _ = soles[self.side].tolist()
         self.stand = (x + STAND, y + ASIDE * self.outward, math.pi)
         return {
-            "robot": self.mounted(self.robot, f"wheelchair_{self.side}"),
+            "robot": self.mounted(self.robot, where),
             "recipient": self.chair.frame_in_world("seat_back"),
             "caregiver": Pose((self.stand[0] + WALK, self.stand[1], 0.0), about_z(math.pi)),
         }
