@@ -89,8 +89,8 @@ class ReachSearch:
         crowding: What a pose costs as the robot stands there, 0 or more.
         rests: Whether the arm prefers the posture of its start on the way.
         roams: Whether other places are tried than those of the trials, if nothing there will do.
-        room: How far joints are to be from their limits on the way [rad or m]: if what was found at the places
-            of the trials is nearer, another trial there is taken that is not, if there is one.
+        room: How far joints are to be from their limits on the way [rad or m]: if what was found at the
+            places of the trials is nearer, another trial there is taken that is not, if there is one.
     """
 
     world: World

@@ -18,6 +18,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+from typer.core import TyperGroup
 from typer.main import get_command
 
 from rcare_marl import CareHome, make
@@ -150,6 +151,21 @@ def test_commands_run(block: Block, tmp_path: Path) -> None:
             spread += sorted(map(str, tmp_path.glob(word))) if "*" in word else [word]
         run = [sys.executable, "-c", "from rcare_marl.cli import main; main()", *spread]
         subprocess.run(run, check=True, timeout=600, cwd=tmp_path)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_commands_in_a_sentence_have_the_arguments_that_are_named(page: Path) -> None:
+    for code in re.findall(r"`rcare-marl ([^`\n]+)`", page.read_text()):
+        words = shlex.split(code)
+        if any(re.search(r"\.\.\.|[A-Z]{2}|[<>|]", word) for word in words):
+            continue  # something is to be filled in
+        command = get_command(app)
+        while isinstance(command, TyperGroup) and words and words[0] in command.commands:
+            command = command.commands[words.pop(0)]
+        if isinstance(command, TyperGroup):
+            assert not words or words[0].startswith("-"), code
+        elif words:
+            command.make_context("rcare-marl", words)
 
 
 def test_what_does_not_run_says_why() -> None:

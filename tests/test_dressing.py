@@ -381,3 +381,26 @@ def test_a_leg_that_goes_no_farther_is_held_and_dressed_there() -> None:
     with closing(rcare_marl.make("dressing", recipient=recipient, policies=ALL)) as env:
         play(env, 93093)
         assert env.task.succeeded()
+
+
+@pytest.mark.parametrize(
+    "robot",
+    [
+        "ur5",
+        *(
+            pytest.param(name, marks=pytest.mark.slow)
+            for name in ("fetch", "pr2", "stretch_re1_dex")
+        ),
+    ],
+)
+def test_robots_that_do_not_reach_the_leg_from_before_it_dress_natalia_from_beside_it(
+    robot: str,
+) -> None:
+    policies = {**ALL, "robot": "scripted_anyway"}
+    with closing(
+        rcare_marl.make("dressing", robot=robot, recipient="natalia", policies=policies)
+    ) as env:
+        play(env, 90001)
+        task = task_of(env)
+        assert task.succeeded()
+        assert task.state.peak_force < 15.0

@@ -44,7 +44,7 @@ EMPTY = math.radians(85)  # tilt that a robot must reach at the lips
 # On the way to the lips where it is tried: share of the way, tilt [rad]. A head that is turned or leans
 # back is farther away by a tenth.
 WAYPOINTS = ((0.0, 0.0), (0.35, 0.2), (0.7, 0.5), (1.0, 0.5), (1.1, 0.5), (1.1, 1.0), (1.0, EMPTY))
-ROOM = 0.1  # [rad or m] that joints are from their limits on the way, if one of the holds leaves that; own choice
+ROOM = 0.1  # [rad or m] that joints are from their limits on the way, if a hold leaves that; own choice
 MISS, MISS_TURN = 0.02, 0.2  # [m] that it may miss them by, and of it per radian
 CLEAR = 0.025  # [m] that it keeps from the person there
 
