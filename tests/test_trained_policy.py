@@ -51,7 +51,7 @@ def test_a_shipped_policy_is_small_and_its_card_record_and_curve_are_of_it(file:
     training = PolicyFile.read(file).training
     if isinstance(training["seed"], list):  # a mean has a record beside that of its seeds
         own = read_record(file.with_name(f"{file.stem}_shipped.json"))
-        assert len(record["policies"]) == len(training["seed"])
+        assert len(record["policies"]) >= len(training["seed"])  # and of others trained alike
     of_it = [entry for entry in own["policies"] if entry["file"]["sha256"] == digest(file)]
     least = 1 if file.stem.endswith(trained.EVERYBODY) else 3  # of how many seeds
     assert len(of_it) == 1 and len(record["policies"]) >= least
