@@ -73,7 +73,7 @@ def test_the_scripted_robot_gives_karan_to_drink(scripted: CareEnv, seed: int) -
     assert metrics["tilt_deg"] > 60.0
 
 
-def test_the_gentle_script_gives_to_drink_without_touching_who_the_scripted_one_presses() -> None:
+def test_the_gentle_script_presses_less_than_half_as_hard_as_the_scripted_one() -> None:
     peaks = []
     for robot in ("scripted", "gentle"):
         policies = {**BOTH, "robot": robot}
@@ -82,7 +82,7 @@ def test_the_gentle_script_gives_to_drink_without_touching_who_the_scripted_one_
         env.close()
         assert task.succeeded()
         peaks.append(task.state.peak_force)
-    assert peaks[0] > 2.0 and peaks[1] < 0.5
+    assert peaks[0] > 2.0 and peaks[1] < 0.5 * peaks[0]
 
 
 def test_a_panda_holds_the_cup_where_its_wrist_can_still_turn_at_the_lips() -> None:
