@@ -15,7 +15,7 @@ from rcare_marl.envs.scenes.meal import OPEN_MOUTH, TAKEN_AWAY
 from rcare_marl.envs.tasks.drinking import Drinking
 from rcare_marl.pose import Array
 
-from .offering import Offering
+from .offering import BACK, Offering
 from .tool_script import ToolScript, limited, turning, unit
 
 # All our own choices.
@@ -34,7 +34,6 @@ TILT_RATE = 0.35  # [rad/s]
 LAST = math.radians(92)  # farther the cup is not tilted
 ASK = 0.20  # [m] from mouth to rim, where it is offered to who just said no
 CLEAR = 0.03  # [m] beyond where it counts as taken away
-BACK = TAKEN_AWAY + 0.015  # [m] from the mouth, from where a gentle robot offers again
 HASTE = 1.5  # [m/s²] back from who said no
 UPRIGHT_RATE = 1.0  # [rad/s] at which it is set upright then
 
@@ -101,7 +100,7 @@ class ScriptedDrinking(ToolScript[Drinking]):
 class GentleDrinking(ScriptedDrinking):
     """As `scripted`, but pours from farther off, and offers again by where the cup is, not by the time.
 
-    So the far side of a cup that is nearly empty touches no nose, and who imitates it need not count.
+    So the far side of a cup that is nearly empty hardly touches a nose, and who imitates it need not count.
     """
 
     AT_LIPS = (0.014, -0.014)

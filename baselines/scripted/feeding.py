@@ -23,14 +23,13 @@ from rcare_marl.errors import ConfigError, PlanningError
 from rcare_marl.observable import VECTOR
 from rcare_marl.pose import Array, Pose, about_z, quaternion_from_axis_angle, rotate
 
-from .offering import PAUSE, Offering
+from .offering import BACK, PAUSE, Offering
 from .tool_script import Detour, ToolScript, limited, turning, unit
 
 # All our own choices.
 WAIT_IN_FRONT = 0.09  # [m] from mouth to bowl while the mouth is closed
 ASK = 0.20  # [m] from mouth to bowl, where it is offered to who just said no
 CLEAR = 0.03  # [m] beyond where the spoon is filled, or was taken away
-BACK = TAKEN_AWAY + 0.015  # [m] from the mouth, from where it offers again
 FACING = 0.5  # of the turn of a face off the way of the chair: farther some arms do not reach
 GAIN, TURN_GAIN = 2.5, 2.5  # [1/s]
 FAST, SLOW = 0.20, 0.06  # [m/s] far from the mouth, and near it
@@ -71,11 +70,13 @@ class ScriptedFeeding(ToolScript[Feeding]):
         away = 0.0 if goes_in else WAIT_IN_FRONT
         if seen.eaten == FOOD_COUNT:
             away = LOADED_FROM + CLEAR
-        if not offers:
-            away = TAKEN_AWAY + CLEAR
         goal = self._mouth + away * self._face
-        if offers and seen.refusal.is_no:
-            goal = seen.mouth + ASK * unit(seen.bowl - seen.mouth)
+        if (
+            not offers or seen.refusal.is_no
+        ):  # straight back: ahead of a face it may be out of reach
+            goal = seen.mouth + (ASK if offers else TAKEN_AWAY + CLEAR) * unit(
+                seen.bowl - seen.mouth
+            )
         planned = self._round(self._mouth, level) if task.bag.bodies else None
         if planned is not None:
             goal = planned[0]

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import math
 
+from rcare_marl.envs.scenes.meal import TAKEN_AWAY
 from rcare_marl.envs.scenes.refusal import Refusal
 
-PAUSE = 1.0  # [s] that it waits out of reach before it offers again; own choice
+# Our own choices: how long it waits out of reach before it offers again [s], or how far off the mouth
+# it does [m].
+PAUSE, BACK = 1.0, TAKEN_AWAY + 0.015
 
 
 class Offering:
