@@ -61,7 +61,8 @@ class Reach:
         base: Pose of the robot's root.
         posture: Of the main arm at the start [rad or m], shape [n].
         manipulability: The least on the way, see `manipulability`.
-        room: The least that a joint is from its limits on the way [rad or m].
+        room: The least that a joint is from its limits on the way [rad or m], or as a share of its range if
+            that is less than 1.
     """
 
     trial: Trial
@@ -89,8 +90,8 @@ class ReachSearch:
         crowding: What a pose costs as the robot stands there, 0 or more.
         rests: Whether the arm prefers the posture of its start on the way.
         roams: Whether other places are tried than those of the trials, if nothing there will do.
-        room: How far joints are to be from their limits on the way [rad or m]: if what was found at the
-            places of the trials is nearer, another trial there is taken that is not, if there is one.
+        room: How far joints are to be from their limits on the way, as `Reach.room`: of the trials those
+            come first that leave so much, or else the most.
     """
 
     world: World
@@ -122,9 +123,6 @@ class ReachSearch:
         misses: list[IkResult] = []
         try:
             found = self._best(trials, misses, home, is_first=self.cost is None)
-            if found is not None and found.room < self.room:
-                roomy = self._best(trials, [], home, is_first=self.cost is None, room=self.room)
-                found = roomy or found
             if found is None:
                 robot.set_posture(home)
                 moved = self._moved(trials, stood)
@@ -173,23 +171,19 @@ class ReachSearch:
         return self._tried(start, [], home) is not None
 
     def _best(
-        self,
-        trials: Iterable[Trial],
-        misses: list[IkResult],
-        home: Array,
-        *,
-        is_first: bool,
-        room: float = 0.0,
+        self, trials: Iterable[Trial], misses: list[IkResult], home: Array, *, is_first: bool
     ) -> Reach | None:
-        best: tuple[float, Reach] | None = None
+        best: tuple[tuple[float, float], Reach] | None = None
         for trial in trials:
-            found = self._tried(trial, misses, home, math.inf if best is None else best[0])
-            if found is None or found[1].room < room:
+            most = math.inf if best is None or self.room else best[0][1]
+            if (found := self._tried(trial, misses, home, most)) is None:
                 continue
-            if best is None or found[0] < best[0]:
-                best = found
-                if is_first:
-                    break
+            cost, reach = found
+            short = max(self.room - reach.room, 0.0) if self.room else 0.0
+            if best is None or (short, cost) < best[0]:
+                best = (short, cost), reach
+            if is_first and short == 0.0:
+                break
         return None if best is None else best[1]
 
     def _tried(
@@ -234,8 +228,9 @@ class ReachSearch:
         if not self.all_the_way and not self._is_clear(postures[0]):
             return None
         arm = robot.arm
-        room = min(float(np.minimum(q - arm.lower, arm.upper - q).min()) for q in postures)
-        reach = Reach(trial, base, postures[0], least, room)
+        bent = np.array(postures)
+        room = np.minimum(bent - arm.lower, arm.upper - bent) / np.minimum(arm.upper - arm.lower, 1)
+        reach = Reach(trial, base, postures[0], least, float(room.min()))
         return (-least if self.cost is None else cost), reach
 
     def _is_clear(self, posture: Array) -> bool:

@@ -194,6 +194,20 @@ def test_a_hand_turns_a_knob_with_more_than_a_tenth_of_what_its_wrist_can() -> N
     env.close()
 
 
+@pytest.mark.parametrize(("robot", "level"), [("franka_panda", 3), ("kinova_gen2", 1)])
+def test_an_arm_on_the_chair_starts_as_it_was_found_to_reach_and_opens_the_door(
+    robot: str, level: int
+) -> None:
+    policies = {**BOTH, "robot": "scripted_anyway"}
+    env = rcare_marl.make("ambulating", robot=robot, level=level, policies=policies)
+    arm = task_of(env).robot.arm
+    found = arm.positions()
+    env.reset(seed=0)
+    assert np.abs(arm.positions() - found).max() < 1.0
+    assert run(env, 0).succeeded()
+    env.close()
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("level", [2, 3])
 @pytest.mark.parametrize("robot", ["fetch", "hsr", "pr2", "stretch_re1", "stretch_re1_dex"])

@@ -234,6 +234,16 @@ def test_gripper_closes_and_all_its_joints_follow() -> None:
     assert robot.gripper.width(0.8) == pytest.approx(0.0, abs=1e-3)
 
 
+def test_finger_tips_beyond_a_joint_that_is_held_have_the_friction_of_the_gripper() -> None:
+    robot = Robot("robot", load_robot("kinova_gen2"), gripper="free")
+    world = spawn(robot)
+    assert robot.gripper is not None and robot.gripper.config.friction > 1
+    for finger in robot.gripper.config.fingers:
+        link = robot.body.link_index(finger)
+        friction = bullet.getDynamicsInfo(robot.body.uid, link, physicsClientId=world.client)[1]
+        assert friction == robot.gripper.config.friction
+
+
 def test_gripper_can_be_an_action() -> None:
     robot = gen3(gripper="commanded", grip_width=0.08)
     world = spawn(robot)

@@ -181,6 +181,14 @@ def test_force_on_who_waits_ends_the_episode_as_a_failure() -> None:
     env.close()
 
 
+def test_fingers_that_reach_farther_ahead_go_under_the_lip_with_their_tips() -> None:
+    env = rcare_marl.make("toileting", robot="fetch", policies={"robot": "scripted_anyway"})
+    task = run(env, 0)
+    assert task.fingers > 0.04 and task.succeeded()
+    assert task.state.peak_push < 60.0  # 160 N where they ran into the bowl
+    env.close()
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "robot", ["franka_panda", "kinova_gen2", "kinova_gen3", "pr2", "stretch_re1_dex", "ur5"]

@@ -162,10 +162,10 @@ class Gripper:
             body.set_friction(fingers, lateral=self.config.friction)
 
     def _moved_by(self, name: str) -> set[str]:
-        """Return the links that a joint moves, with what is fixed to them."""
+        """Return the links that a joint moves, with all beyond them."""
         out = {self._model.joints[name].child}
         for joint in self._model.joints.values():  # parents come before children
-            if joint.kind == "fixed" and joint.parent in out:
+            if joint.parent in out:
                 out.add(joint.child)
         return out
 

@@ -202,6 +202,11 @@ class RobotConfig:
         if taken:
             raise ConfigError(f"groups {taken} are called like other parts of the robot")
 
+    def mount_for(self, place: str, use: str) -> str:
+        """Return the mount of a place for a use, such as `wheelchair_right_leg`, or of the place."""
+        own = f"{place}_{use}"
+        return own if own in self.mounts else place
+
     @property
     def main_arm(self) -> str:
         """Name of the first arm."""

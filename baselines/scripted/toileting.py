@@ -28,6 +28,7 @@ SLIPPED = 0.012  # [m] over the lip of a shut lid: the hand missed it
 LEAD = math.radians(12)  # that the hand is ahead of the lid
 STARTED = math.radians(1.5)  # from where on the lid follows
 GAIN = 3.0  # [1/s]
+FINGERS = 0.027  # [m] that those of Stretch reach ahead of its tool, as it starts
 FAST, SLOW = 0.20, 0.06  # [m/s] on the way, and under the lip
 AHEAD = quaternion_from_rpy(0.0, -0.5 * math.pi, 0.0)  # z at the toilet, x up
 
@@ -37,6 +38,12 @@ class ScriptedToileting(ToolScript[Toileting]):
     """Puts the fingers under the lip, and pushes the lid along its arc until it is open."""
 
     KIND = Toileting
+
+    def _begin(self) -> None:
+        longer = max(self._task.fingers - FINGERS, 0.0)
+        self._pad, self._approach = (
+            at + (sign * longer, 0, 0) for at, sign in ((PAD, -1), (APPROACH, 1))
+        )
 
     def act(self) -> Array:
         pose = self._robot.tool_pose()
@@ -50,13 +57,13 @@ class ScriptedToileting(ToolScript[Toileting]):
         if angle > STARTED:
             share = min(angle / math.radians(60), 1.0)
             along = EDGE + share * (DEEP - EDGE)
-            return task.lip_at(angle + LEAD, along) - PAD, FAST
-        lip, under = task.lip_at(0.0), task.lip_at(0.0, EDGE) - PAD
-        across, up = np.abs(tool - lip - APPROACH)[1:]
+            return task.lip_at(angle + LEAD, along) - self._pad, FAST
+        lip, under = task.lip_at(0.0), task.lip_at(0.0, EDGE) - self._pad
+        across, up = np.abs(tool - lip - self._approach)[1:]
         ahead, risen = tool[0] - under[0], max(tool[2] - under[2] + BELOW, 0.0)
         # Seen, not kept in mind, so that who imitates it need not remember; the lid pushes the hand ahead.
         if ahead < NEAR + risen and across < LINED_UP and tool[2] < lip[2] + SLIPPED:
-            return task.lip_at(LEAD, EDGE) - PAD, SLOW
+            return task.lip_at(LEAD, EDGE) - self._pad, SLOW
         if max(across, up) < LINED_UP:
             return under - (0.0, 0.0, BELOW), FAST
-        return lip + APPROACH, FAST
+        return lip + self._approach, FAST

@@ -84,7 +84,12 @@ class MealOptions(TaskOptions):
 
 
 class Meal(Task):
-    """Brings something to the mouth of a person in the wheelchair; a task says what, and what counts."""
+    """Brings something to the mouth of a person in the wheelchair; a task says what, and what counts.
+
+    Attributes:
+        use: What the robot is mounted for, where it has a mount of its own for that.
+        chair: The wheelchair.
+    """
 
     robot = Role(Robot, default="kinova_gen3", partner="scripted")
     recipient = Role(
@@ -100,22 +105,26 @@ class Meal(Task):
     room_kinds = ("dining", "kitchen", "living", "lounge", "bedroom")
     reachable_by: Collection[str] = CHAIR_ROBOTS | {"stretch_re1_dex"}
     least_success = 95
+    use = "meal"
     footprint = Rectangle(-0.8, -1.0, 1.2, 1.1)  # [m] the chair, a robot or helper at its side
     options: MealOptions
     chair: Wheelchair
 
     def free_floor(self) -> Rectangle:
-        x, y, _ = self.robot.mount_named(f"wheelchair_{self.options.mount}").pose.position
+        x, y, _ = self.robot.mount_named(self._mount).pose.position
         return Rectangle.around([self.footprint, Rectangle(x, y, x, y).grown(ROBOT_ROOM)])
+
+    @property
+    def _mount(self) -> str:
+        return self.robot.config.mount_for(f"wheelchair_{self.options.mount}", self.use)
 
     def furnish(self, world: World) -> dict[str, Pose]:
         posture = self.recipient.posture
         self.need(posture, posture.arms == "armrests", "sit in the wheelchair")
-        mount = f"wheelchair_{self.options.mount}"
-        self.chair = chair_for(self.robot.mount_named(mount), self.options.mount)
+        self.chair = chair_for(self.robot.mount_named(self._mount), self.options.mount)
         seat = spawn_fitted(self.chair, self.recipient, world)
         return {
-            "robot": self.mounted(self.robot, mount),
+            "robot": self.mounted(self.robot, self._mount),
             "recipient": seat,
             "caregiver": Pose((*HELPER_AT, 0.0), about_z(-math.pi / 2)),  # facing the chair
         }

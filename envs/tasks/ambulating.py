@@ -181,14 +181,14 @@ class Ambulating(Task):
         self._pushing = StepPeak(partial(world.contact_force, self.robot.body, body))
         home = self.robot.config.postures["home"]
         # Or from `home`, elbow up, where furniture or a jamb is beside it.
-        self._seed: Array | None = None
+        seed: Array | None = None
         if self.place.room is not None or self._drives:
-            self._seed = np.array([home.get(j, 0.0) for j in self.robot.arm.names])
+            seed = np.array([home.get(j, 0.0) for j in self.robot.arm.names])
         trials = []
         for self.facing in (AHEAD, ASIDE):  # the second of a hand that does not roll
-            trials.append(Trial([self._start_pose(np.zeros(3))], seed=self._seed, hold=self.facing))
+            trials.append(Trial([self._start_pose(np.zeros(3))], seed=seed, hold=self.facing))
         found = self.search(world).find(trials, "the handle of the door")
-        self.facing = found.trial.hold
+        self.facing, self._posture = found.trial.hold, found.posture
         self.robot.set_posture(found.posture)
 
     def _start_pose(self, offset: Array) -> Pose:
@@ -198,7 +198,7 @@ class Ambulating(Task):
 
     def reset(self, rng: np.random.Generator) -> None:
         start = self._start_pose(rng.uniform(-1, 1, 3))
-        self.robot.set_tool(start, self._seed)
+        self.robot.set_tool(start, self._posture)
         self._pushing.take()
         if self.way is not None:
             self.way.reset()

@@ -116,8 +116,7 @@ class Dressing(Task):
     def furnish(self, world: World) -> dict[str, Pose]:
         self.side = self._moving_side()
         self.outward = -1.0 if self.side == "right" else 1.0
-        side = f"wheelchair_{self.side}"  # whence some robots do not reach the leg
-        where = f"{side}_leg" if f"{side}_leg" in self.robot.config.mounts else side
+        where = self.robot.config.mount_for(f"wheelchair_{self.side}", "leg")
         self.chair = chair_for(self.robot.mount_named(where), self.side)
         self.chair.fit_armrests(ARMREST)
         x, y, _ = fit_chair(self.chair, self.recipient, self.side)[self.side].tolist()

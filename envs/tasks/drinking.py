@@ -98,6 +98,7 @@ class Drinking(Meal):
 
     reachable_by = CHAIR_ROBOTS - {"fetch", "stretch_re1"} | {"stretch_re1_dex"}
     least_success = 90
+    use = "cup"
     hands_touch = False  # the cup does
     Options = DrinkingOptions
     options: DrinkingOptions

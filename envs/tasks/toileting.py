@@ -92,6 +92,9 @@ class Toileting(Task):
     Randomised at reset: where the hand starts in front of the lip.
     Success and failure: the lid over its angle; force above the limit on a person, if one is there.
     Tolerance: that angle is divided by it.
+
+    Attributes:
+        fingers: How far the hand reaches ahead of its tool [m].
     """
 
     robot = Role(Robot, default="stretch_re1", partner="scripted", contact_force=CONTACT_FORCE)
@@ -115,6 +118,7 @@ class Toileting(Task):
     bystanders = ()
     options: ToiletingOptions
     state: ToiletingState
+    fingers: float
 
     def free_floor(self) -> Rectangle:
         """Return the floor before the bowl, and that beside it where somebody waits [m]."""
@@ -171,6 +175,8 @@ class Toileting(Task):
         )
         self._posture = found.posture
         robot.set_posture(found.posture)
+        out = robot.tool_pose().position[0] - self.lip_at(0.0)[0]
+        self.fingers = float(out) - world.separation(robot.body, self._body, within=out)
         if needs_stand(self.robot):
             add_stand(world, found.base)
 
